@@ -10,7 +10,7 @@
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make types (the type checker alone),
 # make processors (the tests that depend on last digits, as on other processors; make test runs them there only),
-# make stability (hard cases, and more members of what make test claims, a few minutes: docs/stability.md),
+# make stability (hard cases, and more members of what make test claims, a few minutes: docs/verification.md),
 # make guards (how often a guard is wrong, of 261 random scenes, ten minutes: docs/verification.md),
 # make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/verification.md),
 # make mutants (each change of the source that a line of the verification manual names fails its test, five minutes:
@@ -24,8 +24,9 @@
 # make notebook (the tutorials, executed, into docs/tutorial*.ipynb; two minutes),
 # make versioned-docs (the site of this version beside those of others, onto the branch gh-pages: RELEASING.md),
 # make engines (sweeps that are cancelled, preempted and killed on a Slurm of this machine, where one can be started),
-# make wheel (what pip installs, into dist/), make packages, floors, readers, tested-docs (of continuous integration: the
-# packages installed alone, the oldest versions of what they need, programs that a run is exported for, the site),
+# make wheel (what pip installs, into dist/), make hooks, packages, floors, readers, tested-docs (of continuous integration:
+# pre-commit, the packages installed alone, the oldest versions of what they need, programs that a run is exported for, the
+# site),
 # make decks (rewrites the committed decks of lammps_inputs), make reference (all keys, cases and help, into docs), make clean.
 
 PYTHON ?= python3
@@ -38,7 +39,7 @@ unexport PYTHONDONTWRITEBYTECODE
 GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion cost
 
 .PHONY: $(GROUPS) paper figures gallery test types processors stability guards ladders mutants witness gpu bench scale decks reference docs \
-    tested-docs versioned-docs notebook rooms engines wheel packages floors readers clean
+    tested-docs versioned-docs notebook rooms engines hooks wheel packages floors readers clean
 
 spectrum: cases = spectrum
 dispersion: cases = dispersion
@@ -151,6 +152,11 @@ engines: .venv/ready
 	$(BIN)/python -m pip install --quiet --editable '.[engines]'
 	$(BIN)/pytest -v tests/engines
 
+# What `pre-commit install` has done before each commit; its hooks are the linter and the type checker of .venv
+hooks: .venv/ready
+	$(BIN)/python -m pip install --quiet pre-commit
+	$(BIN)/pre-commit run --all-files --show-diff-on-failure
+
 wheel:
 	$(PYTHON) -m pip wheel --quiet --no-deps --wheel-dir dist .
 
@@ -176,7 +182,8 @@ readers: .venv/ready
 rooms: .venv/ready
 	$(BIN)/python docs/rooms.py
 
-# Marker files, written last: an interrupted installation is repeated.
+# Marker files, written last: an interrupted installation is repeated. pip compiles on one core, tests of others too; what
+# does not compile belongs to no module that is imported
 .venv/docs-ready: .venv/ready
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	touch $@
@@ -184,8 +191,8 @@ rooms: .venv/ready
 .venv/ready: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed: make PYTHON=python3.12 ...") if sys.version_info < (3, 11) else None'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --editable '.[test]'
-	$(BIN)/python -m compileall -q granular_lmp analysis/granular_analysis
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[test]'
+	-$(BIN)/python -m compileall -q -j 0 -x '/tests/' .venv/lib granular_lmp analysis/granular_analysis
 	$(BIN)/granular-lmp build-kernel || echo "without the kernel, which makes runs faster, all else works"
 	touch $@
 

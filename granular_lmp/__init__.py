@@ -1,4 +1,4 @@
-"""Waves in crystals of adhesive spheres, through LAMMPS.
+"""Simulate waves in crystals of spheres with LAMMPS.
 
 A `Scene` declares a simulation, `build` returns its LAMMPS `Deck`, and `run` runs the deck and returns the `Record` of
 the centre sphere::
@@ -9,11 +9,11 @@ the centre sphere::
     record = load("runs/tr_nonresonant")       # reads it again; resume() continues a run that was stopped
     table = sweep(record.scene, {"wave.amplitude": [0.1, 0.2]}, "sweeps/amplitude")
 
-A scene without a wave declares spheres that just touch and are struck; `ImpactScene` is an earlier name of it.
+A scene without a wave has sources or strikers; `ImpactScene` is an earlier name for `Scene`.
 
-The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
-`studies` and `plot`. Each imports only from those before it (``tests/house/test_independence.py`` holds the
-table). `plot.notebook` draws a notebook's card of a scene, a deck, a record or a sweep; `card` learns of it here.
+The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`, `studies`
+and `plot`. Each imports only from those before it. `plot.notebook` draws the notebook card of a scene, a deck, a record
+or a sweep; this module registers it in `card`.
 """
 
 from functools import partial
@@ -69,7 +69,7 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]  # what completion offers, though it is loaded on first use
+    return [*__all__, "__version__"]  # names for completion, although they are loaded on first use
 
 
 def __getattr__(name: str) -> Any:

@@ -1,15 +1,15 @@
-"""Pictures of a scene, a deck, a record or a sweep, whose rooms stand below that of pictures and do not import it."""
+"""Pictures of a scene, a deck, a record or a sweep, for rooms that must not import the room of pictures."""
 
 from collections.abc import Callable
 from typing import Any
 
-# Functions of `granular_lmp.plot` by name. The package's door fills it with functions that import the room when they
-# are called: matplotlib takes longer to load than most runs.
+# Functions of `granular_lmp.plot` by name. The package fills it with functions that import the room when they are
+# called, because matplotlib takes longer to load than most runs.
 PAINTERS: dict[str, Callable[..., Any]] = {}
 
 
 class HasCard:
-    """A thing of which a notebook shows a card in place of its one line."""
+    """Object that a notebook shows as a card in place of one line of text."""
 
     def _repr_html_(self) -> str:
         """Return the card as HTML."""

@@ -1,4 +1,4 @@
-"""The command ``granular-lmp doctor``: a report on this machine, and a self-test of one second."""
+"""Command ``granular-lmp doctor``: a report on this machine, and a self-test of one second."""
 
 import platform
 from collections.abc import Callable
@@ -30,7 +30,7 @@ from granular_lmp.runs.routes import check_machine
 from granular_lmp.studies.forecast import speed
 from granular_lmp.version import __version__
 
-# A TR wave of the paper's spheres, one wavelength in a periodic cell of 12 rows, for three periods.
+# TR wave in the spheres of the paper, one wavelength in a periodic cell of 12 rows, for three periods.
 SELF_TEST = """
 name = "doctor"
 [sphere]
@@ -50,15 +50,15 @@ amplitude = 0.01
 duration = 100.0
 timestep = 0.05
 """
-# At D0/Δ0 = 0.01 the amplitude shifts the frequency by 1e-7, and Verlet's step by (Ω Δτ)²/24 = 3.5e-6
+# At D0/Δ0 = 0.01 the amplitude shifts the frequency by 1e-7, and the Verlet step by (Ω Δτ)²/24 = 3.5e-6
 TOLERANCE = 1e-5
-# The releases of LAMMPS with which all tests were run
+# Releases of LAMMPS with which all tests were run
 TESTED = ("20250722",)
 
 
 @dataclass(frozen=True)
 class Findings:
-    """Findings on this machine; those after a failure are not known.
+    """Findings on this machine; findings after a failure are unknown.
 
     Attributes
     ----------
@@ -69,14 +69,14 @@ class Findings:
         ``version``, ``module``, number of ``packages``, ``space`` if spheres may move in space, ``mpi``, the
         ``mpi_library`` of the wheel, and the programs for one rank and for several.
     frequency_error : float or None
-        Of the self-test.
+        Relative error of the self-test.
     kernel : str
-        Where the kernel lies, or why there is none.
+        Place of the kernel, or the reason why there is none.
     warnings : list of str
     failure : str
-        Why no deck can be run here; "" where one can.
+        Reason why no deck can run here; "" if decks can run.
     exit_status : int
-        0 when a deck can be run here and the self-test passed.
+        0 if a deck can run here and the self-test passed.
     """
 
     software: dict[str, str]
@@ -90,7 +90,7 @@ class Findings:
 
 
 def examine() -> Findings:
-    """Look at this machine and run the self-test."""
+    """Examine this machine and run the self-test."""
     system = f"{platform.system()} {platform.machine()}"
     software = {"granular_lmp": __version__, "python": platform.python_version(), "system": system}
     found = Findings(software, core_count())
@@ -109,7 +109,7 @@ def examine() -> Findings:
 
 
 def report(say: Callable[[str], object]) -> int:
-    """Say what was found, line by line; returns 0 when a deck can be run here, else the exit status of the failure."""
+    """Print the findings; return 0 if a deck can run here, else the exit status of the failure."""
     found = examine()
     software, lammps = found.software, found.lammps
     say(f"granular-lmp {software['granular_lmp']}, Python {software['python']}, {software['system']}")
@@ -129,37 +129,37 @@ def report(say: Callable[[str], object]) -> int:
         say(f"FAILED       {found.failure}")
     elif found.frequency_error is not None:
         say(
-            f"self-test    {'passed' if found.exit_status == 0 else 'FAILED'}: frequency of a small TR wave through "
+            f"self-test    {'passed' if found.exit_status == 0 else 'FAILED'}: the frequency of a small TR wave in "
             f"LAMMPS differs from its Bloch mode by {found.frequency_error:.1e} (at most {TOLERANCE:.0e})"
         )
     return found.exit_status
 
 
 def _kernel() -> str:
-    """Return how much of the time of LAMMPS's loop the kernel takes here just now, or why there is none."""
+    """Return the measured time of the kernel over that of the LAMMPS loop, or why there is no kernel."""
     scene = Scene.load("tr_periodic")
     try:
         place = library.built()
         share = min(speed(scene)[0] / speed(scene, kernel=True)[0] for _ in range(2))
     except GranularError as missing:
-        return f"none, with it LAMMPS's loop takes about half the time: {missing}"
-    return f"{place}: it took {share:.2f} of LAMMPS's loop in {scene.name} just now"
+        return f"none; with it the LAMMPS loop takes about half the time: {missing}"
+    return f"{place}: in {scene.name} it just took {share:.2f} of the time of the LAMMPS loop"
 
 
 def _warnings(version: str, space: bool) -> list[str]:
-    """Return a warning for a LAMMPS with which no tests were run, and for one that does not run spheres in space."""
+    """Return warnings for an untested release of LAMMPS, and for one that cannot run spheres in space."""
     untested = (
-        f"LAMMPS {version} was not tested, {', '.join(TESTED)} was; run the tests of the package with it before you "
-        "believe a number"
+        f"LAMMPS {version} was not tested, only {', '.join(TESTED)}; run the tests of the package with it before you "
+        "use its numbers"
     )
-    plane = f"this LAMMPS was built without the package {PACKAGE_IN_SPACE}; scenes in space need it, others do not"
+    plane = f"this LAMMPS was built without the package {PACKAGE_IN_SPACE}; only scenes in space need it"
     return [untested] * (version not in TESTED) + [plane] * (not space)
 
 
 def frequency_error() -> float:
-    """Return the relative difference between the frequency of a small TR wave in LAMMPS and that of its Bloch mode.
+    """Return the relative difference between the frequency of a small TR wave in LAMMPS and its Bloch mode.
 
-    With q = Q cos Ωτ and φ = f sin Ωτ the phase of the wave is atan2(φ/f, q/Q); its slope is the frequency.
+    With q = Q cos Ωτ and φ = f sin Ωτ the phase of the wave is atan2(φ/f, q/Q), and its slope is the frequency.
     """
     scene = Scene.loads(SELF_TEST)
     mode = mode_of(prepare(scene).scene)
@@ -171,7 +171,7 @@ def frequency_error() -> float:
 
 
 def _lammps_facts(module: Any, scratch: Path) -> dict[str, Any]:
-    """Version, packages and MPI of the library, asked of a short-lived instance."""
+    """Return version, packages and MPI of the library, from a short-lived instance."""
     lmp = library.start(module, None, ["-log", str(scratch / "log"), "-screen", "none"])
     try:
         mpi = "yes" if lmp.has_mpi_support else "no"

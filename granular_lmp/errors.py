@@ -1,4 +1,4 @@
-"""The errors of the package: one base class, and the exit status of the command line for each."""
+"""Errors of the package: one base class, and the exit status of the command line for each."""
 
 from typing import Literal
 
@@ -21,9 +21,9 @@ __all__ = [
     "WorkerError",
 ]
 
-# Why parts of a scene do not go together: "exclusive" if two keys say one thing
+# Why parts of a scene cannot be combined; "exclusive" if two keys declare the same
 Because = Literal["physics", "not built", "exclusive"]
-# Arguments as messages name them → the options of the command line
+# Name of an argument in messages → option of the command line
 _OPTIONS = {
     "force=True": "--force",
     "scene=SCENE": "--scene SCENE",
@@ -36,21 +36,23 @@ _OPTIONS = {
     "timestep=VALUE": "--timestep VALUE",
     "radius=VALUE": "--radius VALUE",
     "density=VALUE": "--density VALUE",
+    "columns=WORDS": "--columns WORDS",
     "origin=ID": "--origin ID",
 }
 
 
 class GranularError(Exception):
-    """Base class of the errors of this package; the text is one line that a user can act on."""
+    """Base class of the errors of this package; the text is one line that tells a user what to do."""
 
     exit_status = 1
 
     def __str__(self) -> str:
-        # A key or a folder may hold a line break, an escape sequence of the terminal, or surrogates, which UTF-8 lacks
+        # A key or a folder may contain a line break, an escape sequence of the terminal, or surrogates, which UTF-8
+        # lacks
         return "".join(c if c.isprintable() else repr(c)[1:-1] for c in super().__str__())
 
     def in_options(self) -> str:
-        """Return the text for the command line, whose options have other names than the arguments in Python."""
+        """Return the text for the command line, where options replace the names of Python arguments."""
         text = str(self)
         for argument, option in _OPTIONS.items():
             text = text.replace(argument, option)
@@ -60,7 +62,7 @@ class GranularError(Exception):
 class SceneError(GranularError):
     """A scene cannot be simulated; the text names the key, the value and what is allowed.
 
-    `because` says why values that are each allowed do not go together; None if a value by itself is wrong.
+    `because` says why allowed values cannot be combined; None if a single value is wrong.
     """
 
     exit_status = 2
@@ -71,7 +73,7 @@ class SceneError(GranularError):
 
 
 class DeckError(GranularError):
-    """A deck is to be edited at a place that it does not have, or one of somebody else cannot be read."""
+    """An edit names a place that the deck does not have, or a foreign deck cannot be read."""
 
     exit_status = 2
 
@@ -89,13 +91,13 @@ class RunFolderError(GranularError):
 
 
 class ViewError(GranularError):
-    """A picture needs data that the run or sweep does not hold, or a program that this machine does not have."""
+    """A picture needs data that the run or sweep lacks, or a program that this machine lacks."""
 
     exit_status = 2
 
 
 class ReadoutError(GranularError):
-    """Nothing can be read off a monitor of a run; the text says why."""
+    """A monitor of a run does not give a value; the text says why."""
 
 
 class PackageMissingError(GranularError):
@@ -138,7 +140,7 @@ class OutputError(GranularError):
 
 
 class WorkerError(GranularError):
-    """The process of a run has died, for want of memory or by a fault inside LAMMPS."""
+    """The process of a run died, for lack of memory or by a fault inside LAMMPS."""
 
 
 class ToleranceError(GranularError):
@@ -148,7 +150,7 @@ class ToleranceError(GranularError):
 class RunInterrupted(GranularError):
     """The user stopped a run; the record so far is kept in its folder."""
 
-    exit_status = 130  # the exit status that a shell reports for Ctrl-C
+    exit_status = 130  # exit status that a shell reports for Ctrl-C
 
 
 class EffectError(GranularError):
@@ -156,6 +158,6 @@ class EffectError(GranularError):
 
 
 def one_line(error: Exception) -> str:
-    """Return the text of an error without line breaks; that of the system without its number and the file's name."""
+    """Return the text of an error without line breaks; a system error without its number and the name of the file."""
     system = isinstance(error, OSError) and error.strerror
     return " ".join((system or str(error)).split())

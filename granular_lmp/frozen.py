@@ -1,8 +1,9 @@
-"""Frozen dataclasses whose functions are shared, so that a module with records is imported quickly.
+"""Frozen dataclasses that share their functions, so that modules with records import quickly.
 
-The decorator of the standard library compiles six functions for each class: half a millisecond, and with 91 classes
-a seventh of a short run. What makes, compares, hashes, shows and freezes a record is written once, below, and does the
-same; and it compares arrays, too. A frozen dataclass of the standard library cannot inherit from a record.
+The decorator of the standard library compiles six functions for each class, which takes half a millisecond: with 91
+classes a seventh of a short run. Here the functions that make, compare, hash, show and freeze a record are written
+once. They do the same, and also compare arrays. A frozen dataclass of the standard library cannot inherit from a
+record.
 """
 
 import dataclasses
@@ -35,16 +36,16 @@ def _record(*, frozen: bool, eq: bool = True, repr: bool = True, init: bool = Tr
     return made
 
 
-if TYPE_CHECKING:  # a checker of types reads the records as those of the standard library
+if TYPE_CHECKING:  # type checkers read the records as dataclasses of the standard library
     from dataclasses import dataclass as dataclass
     from functools import cached_property as cached_property
 else:
     dataclass = _record
 
     class cached_property(functools.cached_property):  # noqa: N801 (as the one of the standard library)
-        """A property that is computed once, without the lock of Python 3.11, which later ones do not have either.
+        """Property that is computed once, without the lock of Python 3.11, which later versions dropped.
 
-        It is one lock for all records of a class: a process that forks while a thread holds it waits for ever.
+        The lock is shared by all records of a class: a process forked while a thread holds it would wait for ever.
         """
 
         def __init__(self, function):
@@ -53,7 +54,7 @@ else:
 
 
 class _Signature:
-    """The signature of a kind of record."""
+    """Signature of a kind of record."""
 
     def __get__(self, _: Any, kind: Any) -> Signature:
         return signature(_standard(kind))
@@ -66,7 +67,7 @@ def _standard(kind: Any) -> Any:
 
 @cache
 def _arguments(kind: Any) -> tuple[list[str], dict[str, Any], set[str], dict[str, Callable[[], Any]]]:
-    """Return the fields of a kind of record: those by position, all with their defaults, the required, factories."""
+    """Return fields of a kind of record: positional, all with their defaults, required, and factories."""
     every = fields(kind)
     factories = {item.name: item.default_factory for item in every if item.default_factory is not MISSING}
     required = {item.name for item in every if item.default is MISSING} - factories.keys()
@@ -74,7 +75,7 @@ def _arguments(kind: Any) -> tuple[list[str], dict[str, Any], set[str], dict[str
 
 
 def _filled(self: Any, *given: Any, **named: Any) -> None:
-    """Make a record of the values of its fields."""
+    """Make a record from the values of its fields."""
     kind = self.__class__
     names, defaults, required, factories = _arguments(kind)
     said = dict(zip(names, given, strict=False)) | named
@@ -126,7 +127,7 @@ def _equal(self: Any, other: object) -> Any:
 
 def _alike(one: Any, other: Any) -> bool:
     """Return whether two values are equal, with arrays of equal shapes and elements; nan equals nan."""
-    from numpy import ndarray  # where there are arrays, it is there
+    from numpy import ndarray  # if there are arrays, numpy is loaded
 
     if isinstance(one, ndarray) and isinstance(other, ndarray):
         return one.shape == other.shape and bool(((one == other) | ((one != one) & (other != other))).all())

@@ -1,4 +1,4 @@
-"""The problem: a scene with every "auto" decided, its contacts found, its wave solved, and its effects chosen.
+"""Problem: a scene with every "auto" decided, its contacts found, its wave solved, and its effects chosen.
 
 `prepare` does this once. The deck, the guards, the choice of a time step and the run take the resulting `Problem`.
 """
@@ -38,9 +38,9 @@ class Problem:
     effects : tuple of Chosen
         Each effect, on or off, with the reason.
     rest : Rest
-        Spheres at rest, and what follows from them.
+        Spheres at rest, and values that follow from them.
     looks : bool
-        False for a run whose deck does not look for the effects that it leaves out (`without_looks`).
+        False if the deck does not check for the effects that it leaves out (`without_looks`).
 
     Examples
     --------
@@ -83,7 +83,7 @@ class Problem:
 
     @cached_property
     def on(self) -> dict[str, bool]:
-        """True or false for each effect by name; false for those that are none of such scenes."""
+        """Name → whether the effect is on; false for effects that such scenes do not have."""
         return dict.fromkeys((each.name for each in EFFECTS), False) | {each.name: each.on for each in self.effects}
 
     @property
@@ -98,11 +98,11 @@ class Problem:
 
     @property
     def left_out(self) -> list[str]:
-        """Titles of the guards whose effects are off, also where the scene calls for them."""
+        """Titles of the guards whose effects are off, also if the scene needs the effects."""
         return [effect.guard for effect in self.effects if effect.guard and not effect.on]
 
     def warnings(self) -> list[str]:
-        """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
+        """Return sentences on changes that made the scene fit, effects forced off, and echoes at monitors."""
         of_scene = [*self.declared.remarks(), *self.rest.crystal.remarks(), *remarks_on_ends(self.scene)]
         return [*of_scene, *remarks(self.declared), *warnings(self.effects), *self._echoes()]
 
@@ -118,12 +118,12 @@ class Problem:
         ]
 
     def stepped(self, step: float) -> "Problem":
-        """Return the problem of the same scene with another time step, τ, or with one in place of its tolerance."""
+        """Return the problem of the same scene with this time step, τ, in place of its step or tolerance."""
         scene = self.scene.with_values({"time.timestep": step})
         return replace(self, rest=replace(self.rest, scene=scene))
 
     def without_looks(self) -> "Problem":
-        """Return the problem of a run that has no guards: a coarse one of a ladder, whose finer runs look."""
+        """Return the problem without guards, for a coarse run of a ladder whose finer runs have guards."""
         return replace(self, looks=False, effects=tuple(replace(each, guard="") for each in self.effects))
 
 
@@ -151,19 +151,19 @@ def prepare(scene: Scene) -> Problem:
     check_groups(problem.monitors, len(problem.sources))
     _ = problem.rest.recorded
     problem.rest.refuse()
-    # A limit above the declared step is enough, and in a large crystal much faster to find than the longest step
+    # A limit above the declared step is enough; in a large crystal it is found much faster than the longest step
     refuse_step(scene.time, problem.rest.step_rules(scene.time.clock.of_answer))
     return problem
 
 
 def _check_strikes(problem: Problem) -> None:
-    """Check that strikers and a state are spheres that nothing else moves."""
+    """Check that no source moves a sphere of a striker or a state."""
     begun = np.concatenate([*problem.rest.strikers, np.flatnonzero(problem.rest.state.any(axis=1))])
     for number, source in enumerate(problem.sources, 1):
         if source.source.motion and (both := np.intersect1d(begun, source.spheres)).size:
             place = place_of(problem.rest.atoms, int(both[0]))
             raise SceneError(
-                f"source {number}: sphere {place}: is a striker or of the state too, "
-                "and a sphere that is moved has no velocity of its own",
+                f"source {number}: sphere {place}: is also in a striker or the state; a sphere that a source moves "
+                "has no velocity of its own",
                 because="physics",
             )

@@ -1,15 +1,15 @@
-"""A bar that shows the progress of a run or a study, in a terminal or in a notebook, by tqdm."""
+"""Progress bar of a run or a study, in a terminal or a notebook, with tqdm."""
 
 from time import monotonic
 from typing import Any
 
 __all__ = ["ProgressBar"]
 
-DELAY = 0.3  # s before a bar is drawn: what is faster needs none, and does not wait for tqdm to be imported
+DELAY = 0.3  # s before a bar is drawn: faster runs need no bar, and do not wait for the import of tqdm
 
 
 class ProgressBar:
-    """A callback for `progress` of `run`, `resume`, `sweep` and the other studies, which draws a bar.
+    """Callback that draws a bar, for the argument `progress` of `run`, `resume`, `sweep` and other studies.
 
     Examples
     --------
@@ -22,7 +22,7 @@ class ProgressBar:
         self._bar: Any = None
 
     def __call__(self, done: int, total: int, left: float | None = None) -> None:
-        """Show how many steps or runs are done, and of a study its own estimate of the seconds that are left."""
+        """Show the finished steps or runs and, for a study, its estimate of the remaining seconds."""
         if self._bar is None:
             if monotonic() - self._began < DELAY:
                 return
@@ -39,7 +39,7 @@ class ProgressBar:
             self.close()
 
     def close(self) -> None:
-        """Remove the bar; it is drawn again if more is to be done."""
+        """Remove the bar; it is drawn again if there is more to do."""
         if self._bar is not None:
             self._bar.close()
             self._bar = None

@@ -1,4 +1,4 @@
-"""LAMMPS unit styles, chosen by the size of the spheres so that the numbers of a deck stay near 1, or its own units."""
+"""Units of a deck: a LAMMPS style in which its numbers are near 1, or units of its own."""
 
 from typing import TypeVar
 
@@ -12,7 +12,7 @@ Value = TypeVar("Value", float, NDArray[np.float64])
 
 @dataclass(frozen=True)
 class Units:
-    """A LAMMPS unit style (https://docs.lammps.org/units.html): mass, length and time as powers of ten of kg, m, s.
+    """LAMMPS unit style (https://docs.lammps.org/units.html): mass, length and time as powers of ten of kg, m, s.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class Units:
     names : str
         Names of the units, for the comment in the deck.
     own : bool
-        True if they are those of the scene, in which t0 is 1.
+        True if they are the units of the scene, where t0 is 1.
     """
 
     style: str
@@ -53,9 +53,9 @@ class Units:
 
 @dataclass(frozen=True)
 class OwnUnits:
-    """Units of a deck of the style ``lj``, by their size in kg, m and s: those of spheres that nothing holds at rest.
+    """Units of a deck of style ``lj``, by their size in kg, m and s, for spheres that are not held at rest.
 
-    Spheres that just touch have exact places in R, which is the unit of length.
+    The unit of length is R, in which spheres that just touch have exact places.
     """
 
     mass: float
@@ -78,7 +78,7 @@ MICRO = Units("micro", -15, -6, -6, "pg, um, us, kPa, mJ/m2")
 SI = Units("si", 0, 0, 0, "kg, m, s, Pa, J/m2")
 CGS = Units("cgs", -3, -2, 0, "g, cm, s, dyn/cm2, erg/cm2")
 LJ = Units("lj", 0, 0, 0, "units of mass, length and time")
-STYLES = {each.style: each for each in (SI, CGS, MICRO, NANO, LJ)}  # of decks of spheres, by the argument of `units`
+STYLES = {each.style: each for each in (SI, CGS, MICRO, NANO, LJ)}  # for decks of spheres, by the argument of `units`
 
 
 def units_for(radius: float) -> Units:

@@ -1,5 +1,5 @@
-"""Theory and post-processing of waves in granular crystals, independent of granular_lmp's own physics.
+"""Theory and post-processing of waves in granular crystals, independent of the physics in granular_lmp.
 
-Read `second_harmonic` first: the closed form, with NumPy alone. `theory` goes beyond it, `measure` reads runs, and
-`tools` are the scripts of the command ``granular-analysis``.
+Read `second_harmonic` first: it has the closed form and needs only NumPy. `theory` goes beyond it, `measure` reads
+runs, and `tools` has the scripts of the command ``granular-analysis``.
 """

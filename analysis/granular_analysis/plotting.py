@@ -1,4 +1,4 @@
-"""Shared parts of the scripts: their colours and options, and how a figure or text file is written."""
+"""Shared parts of the scripts: colours, options, and the writing of figures and text files."""
 
 import argparse
 import csv
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from granular_lmp.cli.arguments import changes_of
 from granular_lmp.runs.record import GranularError, Scene
 
-if TYPE_CHECKING:  # slow to import, and not every script draws
+if TYPE_CHECKING:  # slow to import, and some scripts do not draw
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -30,20 +30,20 @@ def page(height: float) -> "Figure":
 
 
 def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
-    """Return a parser with the first line of a script's docstring and the option -o with its default."""
+    """Return a parser with the first line of the docstring of a script, and the option -o with its default."""
     result = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
     result.add_argument("-o", "--output", default=default, metavar="FILE", help=f"PNG, PDF or SVG (default: {default})")
     return result
 
 
 def scene_of(source: str, options: argparse.Namespace) -> Scene:
-    """Return a scene, a file or a shipped one, with what ``--set`` changes."""
+    """Return the scene in a file, or a shipped one, with the changes by ``--set``."""
     return Scene.load(source, changes_of(options))
 
 
 @contextmanager
 def in_one_line(what: str = "") -> Iterator[None]:
-    """Make bad input one line and SystemExit; `what` it is about stands before an error that does not name it."""
+    """Turn an error of bad input into SystemExit with one line; `what` comes first if the error does not name it."""
     try:
         yield
     except GranularError as error:
@@ -53,10 +53,10 @@ def in_one_line(what: str = "") -> Iterator[None]:
 
 
 def save(figure: "Figure", path: str | Path) -> None:
-    """Write the figure in the format of the file's ending; its folder is made.
+    """Write the figure in the format of the file ending, and make its folder.
 
-    Raises SystemExit with one line for an ending that matplotlib does not write, a file that cannot be written, and
-    settings of matplotlib that need a program that is not there, as ``text.usetex`` LaTeX.
+    Raises SystemExit with one line if matplotlib does not know the ending, if the file cannot be written, or if
+    settings of matplotlib need a missing program, such as LaTeX for ``text.usetex``.
     """
     path = Path(path)
     known = figure.canvas.get_supported_filetypes()
@@ -70,7 +70,7 @@ def save(figure: "Figure", path: str | Path) -> None:
 
 
 def letter(panels: Iterable["Axes"]) -> None:
-    """Write (a), (b), (c) and so on at the upper left of the panels, in their order."""
+    """Write (a), (b), (c) and so on at the upper left of the panels, in order."""
     for each, axes in zip("abcdefgh", panels, strict=False):
         axes.set_title(f"({each})", loc="left")
 
@@ -83,13 +83,13 @@ def legend_above(axes: "Axes", columns: int = 1) -> None:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a text file; its folder is made. Raises SystemExit with one line when it cannot be written."""
+    """Write a text file, and make its folder; raise SystemExit with one line if it cannot be written."""
     with _whole(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
 
 def write_scene(path: Path, scene: Scene) -> None:
-    """Write a scene file, and beside it the table of its spheres, as `write` does."""
+    """Write a scene file and, beside it, the table of its spheres, as `write` does."""
     for name, pieces in scene.beside.items():
         write(path.with_name(name), "".join(pieces))
     write(path, scene.to_toml())
@@ -104,7 +104,7 @@ def write_csv(path: Path, head: Iterable[str], rows: Iterable[Iterable[object]])
 
 @contextmanager
 def _whole(path: Path) -> Iterator[Path]:
-    """Yield the path of a draft, which becomes the file at the end; what is no file is written as it is."""
+    """Yield the path of a draft that later becomes the file; a device or pipe is written directly."""
     there = path.exists() and not path.is_file()
     draft = path if there else path.with_name(f"{path.name}.part{path.suffix}")
     try:
@@ -113,6 +113,6 @@ def _whole(path: Path) -> Iterator[Path]:
         draft.replace(path)
     except OSError as error:
         if not there:
-            with suppress(OSError):  # on a disk that is read-only, say
+            with suppress(OSError):  # for instance on a read-only disk
                 draft.unlink()
         raise SystemExit(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -7,8 +7,8 @@ condition launches two free waves at 2ξ that cancel it at τ=0. Everything is d
     S. P. Wallen and N. Boechler, "Shear to longitudinal mode conversion via second harmonic generation in a
     two-dimensional microscale granular crystal", arXiv:1602.04587 ("Eq." below is an equation of the preprint),
 
-p = v/D0 (along the wave), q = −u/D0, φ = Rθ/D0, a = D0/Δ0, τ = t/√(m/(2(g1+3k1))) so that p'' = ¼∇²p. (The paper
-prints τ = t/√(2m/(g1+3k1)); its own dispersion relation Ω_L = sin(ξ/2) needs the τ used here.)
+p = v/D0 (along the wave), q = −u/D0, φ = Rθ/D0, a = D0/Δ0, τ = t/√(m/(2(g1+3k1))) so that p'' = ¼∇²p. (The paper prints
+τ = t/√(2m/(g1+3k1)), but its dispersion relation Ω_L = sin(ξ/2) needs the τ used here.)
 
 To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n−1}, S X = X_n + X_{n−1} (Eqs. 8–10):
 
@@ -18,8 +18,9 @@ To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n
 
 where the paper prints α/6 for α/8 and β/(3√3) for β/(4√3) in the first line.
 
-Contacts are the paper's, in its geometry or LAMMPS's (`ratios`). Any other law, lattice or direction, compression, and
-spheres that do not turn are those of `granular_analysis.theory.second_order`, which this module is a test of.
+Contacts are those of the paper, in its geometry or that of LAMMPS (`ratios`). For any other law, lattice or direction,
+for compression, and for spheres that do not turn, use `granular_analysis.theory.second_order`; this module is a test of
+it.
 """
 
 from dataclasses import dataclass
@@ -52,9 +53,9 @@ ALONG_Y = 90.0  # degrees from a close-packed row
 
 @dataclass(frozen=True)
 class Ratios:
-    """Dimensionless constants of the lattice: all follow from κ = g1/k1, Ĩ = I/(mR²) and η = Δ0/2R.
+    """Dimensionless constants of the lattice, from κ = g1/k1, Ĩ = I/(mR²) and η = Δ0/2R.
 
-    longitudinal multiplies ε where the L mode acts on itself: 1 in the paper's geometry, where η is 0.
+    longitudinal multiplies ε where the L mode acts on itself; it is 1 in the geometry of the paper, where η is 0.
     """
 
     kappa: float
@@ -90,12 +91,12 @@ def of_stiffness(kappa: float, inertia: float = SOLID_SPHERE, overlap_ratio: flo
 
         μ1 = (3κ+1)/(κ+3),  μ2 = κ/(κ+3),  α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),  γ = (2κ+1)/(2κ+3)
 
-    The overlap ratio η = Δ0/2R puts in, with h = η/(1−η), what contacts of true length and direction change:
+    The overlap ratio η = Δ0/2R adds the effect of the true length and direction of contacts, with h = η/(1−η):
 
         Ĩ → Ĩ/(1−η),  α → α + 2h(1−5κ)/(2κ+3),  β → β(1−6h),  ε of the L mode → ε[1 − 6h(1−κ)/(2κ+3)]
 
-    These leave out no power of η: to second order in the displacements the geometry enters through 1/(2R−Δ0) alone.
-    No second harmonic depends on γ. Definitions below Eq. 10, right as printed; geometry is not in the paper.
+    These are exact in η: to second order in the displacements the geometry enters only through 1/(2R−Δ0). No second
+    harmonic depends on γ. Definitions below Eq. 10, right as printed; geometry is not in the paper.
 
     Raises ValueError for values outside the ranges of `ratios`.
     """
@@ -219,7 +220,7 @@ def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Flo
 
 
 def source(mode: Mode, ratios: Ratios) -> float:
-    """Strength g of the drive: P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] of Eq. 8.
+    """Strength g of the drive in P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] in Eq. 8.
 
     TR, RT: g = Q[α sin²(ξ/2) Q − (β/√3) sin ξ f];  L: g = −sin²(ξ/2), times `Ratios.longitudinal`.
     """
@@ -231,14 +232,14 @@ def source(mode: Mode, ratios: Ratios) -> float:
 
 
 def refuse_oblique(mode: Mode) -> None:
-    """Raise ValueError for a mode of another direction than y."""
+    """Raise ValueError for a mode along another direction than y."""
     if not mode.along_y:
-        raise ValueError(f"direction = {mode.direction} of the mode is not 90: the closed forms are those of y")
+        raise ValueError(f"direction = {mode.direction} of the mode is not 90; the closed forms hold only along y")
 
 
 def doubled_frequency(mode: Mode) -> float:
     """w̃ = Ω_L(2ξ) = sin ξ, the frequency of the free waves at twice the wavenumber, in rad per unit of τ."""
-    refuse_oblique(mode)  # here, since every closed form of a second harmonic asks for this
+    refuse_oblique(mode)  # checked here, since every closed form of a second harmonic calls this function
     return float(np.sin(mode.wavenumber))
 
 
@@ -303,7 +304,7 @@ def second_harmonic(
 
         a μ2 h(√3/4) sin²(ξ/2)(Q² − P²) sin ξ sin 2(ξn+phase) (1 − cos w̃τ)/w̃²
 
-    since the shear springs are loaded in one step along the tangents of the displaced lattice (LAMMPS's rule), not
+    since the shear springs are loaded in one step along the tangents of the displaced lattice (the rule of LAMMPS), not
     along the path there: the difference stays in the contacts as a static force at 2ξ.
 
     mode and ratios are the fundamental and the constants it was made with, amplitude is a = D0/Δ0, tau any times, row n
@@ -342,8 +343,8 @@ def second_order(
 ) -> tuple[Floats, Floats, Floats]:
     """Displacements p, q, φ in units of D0 to second order: the mode, and `second_harmonic` in p. Arguments as there.
 
-    q and φ have no second-order term: by symmetry they hold odd harmonics only. What the paper sees in its simulated
-    signals at the resonance is the third.
+    q and φ have no second-order term, because by symmetry they contain only odd harmonics. The simulated signals of the
+    paper at the resonance show the third harmonic.
 
     Examples
     --------
@@ -385,11 +386,11 @@ def resonance(ratios: Ratios) -> float:
 def antiresonance(ratios: Ratios) -> float | None:
     """Wavenumber in (0, π) where TR generates no p at order ε: Ω = sin(ξ/2)√(μ1 − 3μ2 α/β) (Eq. 29).
 
-    In Eq. 12, with ρ = α/β, λ = μ1 − 3μ2ρ and C = cos ξ, a factor 1−C divides out and the rest is linear in C:
+    In Eq. 12, with ρ = α/β, λ = μ1 − 3μ2ρ and C = cos ξ, a factor 1−C cancels and the rest is linear in C:
 
         C = [2μ2(1−2ρ) + Ĩλρ/2]/[2μ2(ρ−1) + Ĩλρ/2]
 
-    None if that is no wavenumber of TR.
+    None if TR has no such wavenumber.
 
     Examples
     --------

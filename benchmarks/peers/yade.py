@@ -1,7 +1,7 @@
 """YADE: its own Mindlin law with DMT adhesion, which adds up shear forces instead of taking them from the slip.
 
 That law (`Law2_ScGeom_MindlinPhys_Mindlin`) is the incremental one: another p than the paper's, see
-``docs/choosing-a-shear-law.md``. The remark gives the error against the exact lattice with *that* law, which is what
+``docs/contact-laws.md``. The remark gives the error against the exact lattice with *that* law, which is what
 the integration itself leaves. A per-contact secant force would have to be added in Python, at ten times the cost.
 """
 

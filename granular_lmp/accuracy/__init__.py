@@ -1,1 +1,1 @@
-"""Accuracy: the choice of a time step and the estimate of an error, from runs alone."""
+"""Accuracy: choice of a time step and estimate of an error, from runs only."""

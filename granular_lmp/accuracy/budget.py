@@ -1,15 +1,15 @@
-"""The error budget of a run: the time step, the walls, and rounding.
+"""Error budget of a run: time step, walls, and rounding.
 
-All are relative L2 errors over the run, against the infinite lattice with the same contacts. From one run the error of
-the time step is known of a running plane wave along y: in the signals that it has by linear theory it is the phase
-error of velocity Verlet, (ΩΔτ)²Ωτ/(24√3), and in p what the step changes of its second harmonic
-(`granular_lmp.accuracy.oscillator`), unless p is something else, as near an antiresonance. A wave that decays as
-e^{−Γτ} has an error of first order in addition, because LAMMPS's dashpots have the velocity of half a step before:
+All are relative L2 errors over the run, against the infinite lattice with the same contacts. One run gives the error of
+the time step only for a running plane wave along y. In the signals of linear theory it is the phase error of velocity
+Verlet, (ΩΔτ)²Ωτ/(24√3). In p it is the change of the second harmonic by the step (`granular_lmp.accuracy.oscillator`),
+unless p is something else, as near an antiresonance. A wave that decays as e^{−Γτ} also has an error of first order,
+because dashpots in LAMMPS use the velocity of half a step earlier:
 
     u_{n+1} − 2u_n + u_{n−1} = −(ΩΔτ)² u_n − 2ΓΔτ (u_n − u_{n−1})
 
-The error of all other signals takes the several runs of a tolerance. The distance between theory and run is the subject
-of `granular_analysis.measure.budget`.
+The error of all other signals needs the several runs of a tolerance. For the difference between theory and run see
+`granular_analysis.measure.budget`.
 """
 
 from collections.abc import Callable, Mapping
@@ -31,16 +31,16 @@ Floats = NDArray[np.float64]
 Errors = dict[str, float]
 Signals = Mapping[str, Floats]
 
-_OTHER = 0.5  # share of p that is not the second harmonic, from which on its error is not known
+_OTHER = 0.5  # share of p that is not the second harmonic, above which the error of p is unknown
 
 
 def error_budget(problem: Problem, signals: Signals, estimate: Errors | None = None) -> list[dict[str, Any]]:
-    """Return the sources of error of a run, as ``run.json`` holds them.
+    """Return the sources of error of a run, for ``run.json``.
 
     Parameters
     ----------
     problem : Problem
-        Problem of a scene with a time step, or with the tolerance that the estimate belongs to.
+        Problem of a scene with a time step, or with the tolerance of the estimate.
     signals : mapping
         Signals p, q, φ of the record, (T,) each, in D0.
     estimate : dict, optional
@@ -50,8 +50,8 @@ def error_budget(problem: Problem, signals: Signals, estimate: Errors | None = N
     -------
     list of dict
         ``name``; ``p``, ``q``, ``phi``, which are None if the signal vanishes by symmetry or one run does not show its
-        error; ``to_halve``, the change that halves the error; of the time step also ``order``, that of the error of a
-        run in the step, 0 if it is no series (`granular_lmp.effects.selection.order`).
+        error; ``to_halve``, the change that halves the error. The time step also has ``order``, the order of the error
+        in the step, 0 if there is no expansion (`granular_lmp.effects.selection.order`).
     """
     scene = problem.scene
     stepped, remedy = _time_step(problem, signals) if estimate is None else (estimate, _tighter(estimate))
@@ -76,7 +76,7 @@ def error_budget(problem: Problem, signals: Signals, estimate: Errors | None = N
 
 
 def _time_step(problem: Problem, signals: Signals) -> tuple[Errors, str]:
-    """Return the errors of the signals by the step, where they are known, and a step that halves the largest."""
+    """Return the known errors of the signals due to the step, and a step that halves the largest."""
     step, of_step = problem.scene.time.step, _errors_by_step(problem, signals)
     errors = of_step(step)
     if not errors:
@@ -89,7 +89,7 @@ def _time_step(problem: Problem, signals: Signals) -> tuple[Errors, str]:
 
 
 def _errors_by_step(problem: Problem, signals: Signals) -> Callable[[float], Errors]:
-    """Return the errors of the signals of a run, by the step (τ) that it might have had."""
+    """Return the errors of the signals of a run as functions of its step (τ)."""
     names, scene = linear_signals(problem), problem.scene
     if not names:
         return lambda _: {}
@@ -105,9 +105,9 @@ def _errors_by_step(problem: Problem, signals: Signals) -> Callable[[float], Err
 
 
 def _harmonic_error(problem: Problem, p: Floats, linear: bool) -> Callable[[float], float] | None:
-    """Return the error of the second harmonic relative to p, by the step (τ); None where p is something else.
+    """Return the error of the second harmonic relative to p as a function of the step (τ); None if p is something else.
 
-    Of L, whose p is `linear`, it is only the part of late shear forces: what else the step changes of it is small.
+    For L, whose p is `linear`, it is only the part of late shear forces; all other changes are small.
     """
     scene = problem.scene
     tau: Floats = scene.time.sample * np.arange(len(p), dtype=float)
@@ -127,7 +127,7 @@ def _harmonic_error(problem: Problem, p: Floats, linear: bool) -> Callable[[floa
 
 
 def wave_error(frequency: float, decay: float, step: float, duration: float) -> float:
-    """Return the relative L2 error of a wave that decays, of frequency Ω without its decay (1/t0), by the step (τ)."""
+    """Return the relative L2 error of a decaying wave of undamped frequency Ω (1/t0), as a function of the step (τ)."""
     if decay == 0:
         return phase_error(frequency, step, duration)
     kept = 1 - 2 * decay * step

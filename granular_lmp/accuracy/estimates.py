@@ -1,9 +1,9 @@
-"""The errors of the runs of a ladder, from the runs alone, and the answer to which they are extrapolated.
+"""Errors of the runs of a ladder, from the runs only, and the answer to which they are extrapolated.
 
-Velocity Verlet's error is C h² + D h⁴ + … in the step h. Some effects make it one of first order, or no series at all
-(`granular_lmp.effects.selection.order`). `granular_lmp.accuracy.extrapolation` has the sums of runs with any steps and
-the estimate of their error; here is what it takes from a scene. Of a wave errors are relative L2 norms, and signals
-that rounding drowns do not count (`granular_lmp.accuracy.noise`); without a wave they are the largest ones, over the
+The error of velocity Verlet is C h² + D h⁴ + … in the step h. Some effects make it of first order, or without an
+expansion (`granular_lmp.effects.selection.order`). `granular_lmp.accuracy.extrapolation` sums runs with any steps and
+estimates the error; this module provides its input from a scene. For a wave, errors are relative L2 norms, and signals
+below the rounding noise do not count (`granular_lmp.accuracy.noise`). Without a wave they are largest errors over the
 velocity of the fastest striker (`granular_lmp.accuracy.collisions`).
 """
 
@@ -28,14 +28,14 @@ from granular_lmp.runs.record import IN_SPACE, Record
 
 Signals = Mapping[str, NDArray[np.float64]]
 
-FINEST = 128  # steps of the finest run at most, over those of the first
-FEWEST = 3  # runs that show how an error falls
+FINEST = 128  # largest ratio of the steps of the finest run to those of the first
+FEWEST = 3  # number of runs that show how an error decreases
 # The largest were 0.35 in 70 scenes of every kind (tests/hard); what adds up is that of an L wave of 0.4 Δ0 in 60 τ
 SLIP, ADDS_UP = 0.8, 1 / 3
 
 
 class Estimate:
-    """The estimate of the errors of the runs of a problem, to which each run is added after it was made."""
+    """Estimate of the errors of the runs of a problem; each run is added after it was made."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem, self._order = problem, order(problem.scene)
@@ -43,7 +43,7 @@ class Estimate:
         self._judgements: list[Judgement] = []
 
     def __call__(self, records: Sequence[Record]) -> Judgement:
-        """Return the answer of all runs so far, of which the last is new, with the errors of the signals that count."""
+        """Return the answer of all runs so far, of which the last is new, with the errors of the counted signals."""
         problem, noise, tolerance = self._problem, self._noise, self._problem.scene.time.clock.tolerance
         self._recorded.add(records[-1])
         signals, counts = self._recorded.signals, _counts(records)
@@ -67,7 +67,7 @@ class Estimate:
         return self._problem.stepped(self._problem.scene.time.sample / count)
 
     def _missed(self, counts: Sequence[int], names: Sequence[str]) -> dict[str, tuple[float, Problem]]:
-        """Return the errors above the tolerance by name, and the problem with the step that is expected to meet it."""
+        """Return the errors above the tolerance by name, and the problem with the step that should meet it."""
         judgement, found = self._judgements[-1], {}
         tolerance = self._problem.scene.time.clock.tolerance
         for name in names:
@@ -78,7 +78,7 @@ class Estimate:
         return found
 
     def outcome(self, judgement: Judgement, answer: Record) -> dict[str, Any]:
-        """Return the entries of ``run.json`` about the errors of the answer: of what is recorded and of monitors."""
+        """Return the entries of ``run.json`` on the errors of the answer: for the record and for monitors."""
         if self._problem.wave is None:
             of_monitors = {name: error for name, error in judgement.errors.items() if "." in name}
             own = {name: error for name, error in judgement.errors.items() if name not in of_monitors}
@@ -110,14 +110,14 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
         Records at the same times.
     order : int
         Order of the error in the step: 2, or 1 with some effects (`effects.selection.order`); 4 for two records that
-        are extrapolated themselves; 0 for an error that is no series, of which the finer run is returned.
+        are already extrapolated; 0 for an error without expansion, for which the finer run is returned.
 
     Returns
     -------
     Record
         Extrapolated record with the scene of the finer run. ``info["error_estimate"]`` holds the relative L2 errors of
-        the signals of the finer run, None for a signal that is zero; the extrapolated record is better. With the order
-        0 they are the distances of the two runs.
+        the signals of the finer run, None for a signal that is zero; the extrapolated record is better. For order 0
+        they are the differences of the two runs.
 
     Raises
     ------
@@ -126,8 +126,7 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
 
     Notes
     -----
-    The extrapolation breaks down if the error is not of this order in the step, and below the rounding of the
-    positions.
+    The extrapolation fails if the error has another order in the step, and below the rounding of the positions.
     """
     if coarse.tau.shape != fine.tau.shape or not np.allclose(coarse.tau, fine.tau, rtol=1e-12, atol=0):
         raise ValueError("the two records have different times")
@@ -145,7 +144,7 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
 
 
 def combined_record(runs: Sequence[Record], judgement: Judgement) -> Record:
-    """Return the answer that a judgement makes of runs."""
+    """Return the record of the answer that a judgement makes from runs."""
     weights = judgement.weights
     signals = {name: combined([run.signals[name] for run in runs], weights) for name in runs[-1].signals}
     return replace(runs[-1], signals=signals, folder=None)
@@ -172,12 +171,12 @@ def judge(
 
 
 def slip_bounds(problem: Problem, signals: Signals) -> dict[str, float]:
-    """Return bounds of the first-order error that LAMMPS's slip leaves in signals, L2 norms for a step of one sample.
+    """Return bounds on the first-order error of the slip in LAMMPS, as L2 norms for a step of one sample.
 
-    LAMMPS turns the slip of a contact with the contact's direction at the end of the step. That adds
-    ½h (t·v)(n·v)/2R to the rate of the slip, of order ½h a U² Ω² Δ0/2R in D0/t0 for displacements U in D0, and moves
-    spheres by `SLIP` times as much, without the half. It also puts the wave out of phase, in the next order of a and in
-    proportion to the time. Fluxes have no bound here.
+    LAMMPS rotates the slip of a contact with its direction at the end of the step. This adds ½h (t·v)(n·v)/2R to the
+    rate of the slip, of order ½h a U² Ω² Δ0/2R in D0/t0 for displacements U in D0, and moves spheres by `SLIP` times as
+    much, without the factor ½. It also shifts the phase of the wave, in the next order of a and in proportion to time.
+    Fluxes have no bound.
     """
     scene, frequency = problem.scene, deciding_frequency(problem)
     swing = max(1.0, float(np.max(sum(signals[name] ** 2 for name in ("p", "q", "phi") if name in signals))))

@@ -7,8 +7,9 @@ remove the first powers. Two such sums are judged, and the one whose estimate is
 - even: the last three runs without 1/n² and 1/n⁴;
 - all, with effects of first order: the last four runs without 1/n, 1/n² and 1/n³.
 
-Contacts that open or slide do so at any phase of a step, and the error is no series. The answer is then the finest run,
-and its error is estimated by the larger of its distance to the run before and half that one's to the run before it.
+Contacts that open or slide do so at any phase of a step, and the error is no series. The answer is then the finest run.
+Its error is estimated by the larger of two distances: from the finest run to the previous one, and half of that from
+the previous run to its predecessor.
 
 The error of an answer is estimated by `SAFETY` times its distance to the sum of one run less, which is the error of
 that sum. The sum of two runs alone is estimated by `OF_TWO` times its distance to the finer of them.
@@ -19,7 +20,7 @@ answer, ρ = Σ wₙ/n, and so is at most ρ/|ρ − ρ'| times the distance to 
 Where its size is known (`granular_lmp.accuracy.estimates.slip_bounds`), the smaller of the two counts.
 
 "Last" is by steps: a run may come in between two others (`following`), because the error of a sum goes as the product
-of all its steps. docs/accuracy.md says how often the estimate is wrong.
+of all its steps. The page Accuracy says how often the estimate is wrong.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence

@@ -1,10 +1,10 @@
-"""The first time step for a tolerance, which follows from the frequencies of the wave.
+"""First time step for a tolerance, from the frequencies of the wave.
 
 Linear theory suffices for the first step: the error of velocity Verlet (`granular_lmp.accuracy.verlet`) is that of the
-phase. It gives the frequency Ω of the wave and that of the free L wave of wave
-vector 2k, which is part of the second harmonic; the driven part, at 2Ω, errs like a wave of frequency 2^{1/3} Ω. The
-error itself is estimated from the runs, from which the next steps follow (`granular_lmp.accuracy.extrapolation`). A
-ladder that starts too coarse costs a run more, half as long at most as the others; the tolerance is met either way.
+phase. Linear theory gives the frequency Ω of the wave and that of the free L wave of wave vector 2k, which is part of
+the second harmonic; the error of the driven part, at 2Ω, is that of a wave of frequency 2^{1/3} Ω. The runs give an
+estimate of the error and the next steps (`granular_lmp.accuracy.extrapolation`). A ladder that starts too coarse costs
+one more run, at most half as long as the others; the tolerance is met either way.
 """
 
 from granular_lmp.accuracy import collisions
@@ -20,7 +20,7 @@ from granular_lmp.scene.clock import RUNGS as RUNGS
 
 __all__ = ["build"]
 
-# E of the first two runs over the tolerance; larger and smaller ones by 4 cost more in 94 scenes (tests/hard)
+# E of the first two runs over the tolerance; a factor 4 larger or smaller costs more in 94 scenes (tests/hard)
 COARSE = 16.0
 MOST_STEPS = 10**9
 
@@ -38,7 +38,7 @@ def deciding_frequency(problem: Problem) -> float:
 
 
 def _count_of_wave(problem: Problem, tolerance: float) -> int:
-    """Return the steps per sample of the first run of the ladder that is expected to meet a tolerance in a wave."""
+    """Return the steps per sample of the first run of the ladder that should meet a tolerance in a wave."""
     time = problem.scene.time
     frequency, sample, duration = deciding_frequency(problem), time.sample, time.duration
 
@@ -85,12 +85,12 @@ def build(scene: Scene) -> Deck:
 
 
 def plan(problem: Problem) -> tuple[int, ...]:
-    """Return the steps per sample of each run that is planned for a problem as declared, from the first.
+    """Return the steps per sample of each planned run of a problem as declared, from the first.
 
     Raises
     ------
     SceneError
-        If they take more than 1e9 steps.
+        If the runs take more than 1e9 steps.
     """
 
     def first(tolerance: float) -> int:
@@ -111,16 +111,16 @@ def planned(problem: Problem) -> Problem:
 
 
 def planned_steps(problem: Problem) -> int:
-    """Return the number of time steps of a problem as declared: of its one run, or of all planned runs together."""
+    """Return the number of time steps of a problem as declared, of its run or of all planned runs together."""
     return sum(plan(problem)) * problem.scene.time.samples
 
 
 def sphere_steps(problem: Problem) -> float:
-    """Return spheres times steps of all planned runs of a problem, to which their time is proportional."""
+    """Return spheres times steps of all planned runs of a problem; the time is proportional to this."""
     return float(problem.scene.shape.spheres * planned_steps(problem))
 
 
 def _refuse_many(problem: Problem, tolerance: float, first: int) -> None:
-    """Raise SceneError if the planned runs of a ladder take too many steps; `first` is the first one's to a sample."""
+    """Raise SceneError if the planned runs take too many steps; `first` is steps per sample of the first run."""
     if first * ((1 << RUNGS) - 1) * problem.scene.time.samples > MOST_STEPS:
         raise SceneError(f"time.tolerance = {tolerance!r}: would take more than {MOST_STEPS} steps in this scene")

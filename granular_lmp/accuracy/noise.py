@@ -1,4 +1,4 @@
-"""Signals of a run that count for its tolerance: not those that vanish by symmetry, nor those lost in rounding."""
+"""Signals of a run that count for its tolerance: they neither vanish by symmetry nor are lost in rounding."""
 
 from collections.abc import Mapping, Sequence
 from math import inf, prod
@@ -16,13 +16,13 @@ from granular_lmp.scene.monitor_kinds import OF_ROWS
 # Noise of one run that the estimate sees: twice the distance of the sums of three runs and of two holds 2.6 times that
 # of steps as 2, 3, 4 and 2.8 times that of 4, 5, 8, if it is independent; 0.3 times that of 1, 2, 4
 _SEEN = 3.0
-# The law of one run gives noise to within a factor of three, and sums of uneven steps raise it
+# The law for one run gives noise within a factor of three, and sums of uneven steps raise the noise
 _WITHIN, _LAW = 3.0, 5.0
 _KINDS = (NAMES, RATES, FORCES, *((name,) for name in OF_ROWS))
 
 
 def counted(problem: Problem, signals: Signals) -> list[str]:
-    """Return the names of the signals that do not vanish by symmetry, those of monitors beside others of their kind."""
+    """Return the names of the signals that do not vanish by symmetry; monitors are compared within a kind."""
     centre = {name: values for name, values in signals.items() if "." not in name}
     names = judged(problem, centre)
     for monitor in dict.fromkeys(name.rpartition(".")[0] for name in signals if name not in centre):
@@ -33,10 +33,10 @@ def counted(problem: Problem, signals: Signals) -> list[str]:
 
 
 def noise_of(problem: Problem, signals: Signals) -> dict[str, float]:
-    """Return the rounding noise of each signal relative to it, in a run with the step of the problem.
+    """Return the relative rounding noise of each signal in a run with the step of the problem.
 
-    That of displacements and forces is `noise_floor` or `grain`, whichever is larger; that of their rates is higher by
-    the highest frequency of the crystal, and the one of a sum over a row follows from its factors.
+    For displacements and forces it is the larger of `noise_floor` and `grain`. For rates it is larger by the highest
+    frequency of the crystal, and for a sum over a row it follows from the factors.
     """
     scene = problem.scene
     noise, fastest = max(noise_floor(scene), grain(scene)), 2 / largest_step(scene)
@@ -58,9 +58,9 @@ def noise_of(problem: Problem, signals: Signals) -> dict[str, float]:
 
 
 def lost(problem: Problem, signals: Signals, finest: Problem) -> dict[str, float]:
-    """Return the noise of the signals that it keeps above ``time.tolerance``, from those of the first run.
+    """Return the noise of signals whose noise exceeds ``time.tolerance``, from the signals of the first run.
 
-    Signals that vanish by symmetry are among them.
+    They include signals that vanish by symmetry.
 
     Parameters
     ----------
@@ -69,12 +69,12 @@ def lost(problem: Problem, signals: Signals, finest: Problem) -> dict[str, float
     signals : dict
         Signals of the first run.
     finest : Problem
-        The same with the shortest step that is planned.
+        Problem with the shortest planned step.
 
     Raises
     ------
     ToleranceError
-        If no signal is left that counts.
+        If no counted signal remains.
     """
     tolerance = problem.scene.time.clock.tolerance
     found = {name: n for name, n in noise_of(finest, signals).items() if _SEEN * n > tolerance}
@@ -83,13 +83,13 @@ def lost(problem: Problem, signals: Signals, finest: Problem) -> dict[str, float
 
 
 def refuse_noise(tolerance: float, noise: Mapping[str, float], names: Sequence[str]) -> None:
-    """Raise ToleranceError if all signals that count, by name, are lost in noise."""
+    """Raise ToleranceError if all counted signals, by name, are lost in noise."""
     if noise.keys() >= {*names}:
         least = min((_SEEN * noise[name] for name in names), default=inf)
         bound = f"; must be at least {least:.2g}, or" if least < inf else ": nothing moves;"
         raise ToleranceError(
-            f"time.tolerance = {tolerance!r}: rounding alone makes larger errors in all that is recorded{bound} take a "
-            "larger wave.amplitude or fewer packing.rows, or record where and when the wave is there"
+            f"time.tolerance = {tolerance!r}: rounding alone makes larger errors in all recorded signals{bound} use a "
+            "larger wave.amplitude or fewer packing.rows, or record where and when there is a wave"
         )
 
 
@@ -100,9 +100,10 @@ def out_of_reach(
     before: Mapping[str, float],
     now: Mapping[str, tuple[float, Problem]],
 ) -> dict[str, float]:
-    """Return the noise of the signals that shorter steps do not bring below the tolerance.
+    """Return the noise of the signals that shorter steps cannot bring below the tolerance.
 
-    Rounding surely drowns them at the step that they need, or they do not come closer and noise may be the reason.
+    Either rounding exceeds the tolerance at the step that they need, or their errors stop decreasing, possibly because
+    of noise.
 
     Parameters
     ----------
@@ -112,9 +113,9 @@ def out_of_reach(
     signals : dict
         Signals of that run.
     before : dict
-        Estimated errors without that run.
+        Estimated errors without this run.
     now : dict
-        Estimated errors above the tolerance, and the problem with the step that is expected to meet it.
+        Estimated errors above the tolerance, and the problem with the step that should meet it.
     """
     here, found = noise_of(run, signals), {}
     for name, (error, finer) in now.items():
@@ -127,11 +128,11 @@ def out_of_reach(
 
 
 def said(noise: Mapping[str, float], tolerance: float) -> str:
-    """Return the sentence about signals that are lost."""
+    """Return the sentence on lost signals."""
     names = ", ".join(f"{name} ({value:.1g})" for name, value in noise.items())
     return (
-        f"{names}: this share of it is rounding at the step that it needs, so that it cannot meet the tolerance of "
-        f"{tolerance:g} and is not counted; take a larger wave.amplitude or fewer packing.rows"
+        f"{names}: at the step that it needs this share is rounding, so it cannot meet the tolerance of {tolerance:g} "
+        "and is not counted; use a larger wave.amplitude or fewer packing.rows"
     )
 
 

@@ -1,21 +1,22 @@
-"""The second harmonic as one oscillator, as it is and as velocity Verlet steps it.
+"""Second harmonic as one oscillator, exact and as stepped by velocity Verlet.
 
-At the wave number 2ξ the lattice is an oscillator of the frequency w, at rest at τ = 0, which the square of a wave of
-frequency Ω drives:
+At the wave number 2ξ the lattice is an oscillator of frequency w, at rest at τ = 0 and driven by the square of a wave
+of frequency Ω:
 
     S'' + w²S = Im f²,    f = e^{−i phase}(cos Ωτ + i sin Ωτ),    S(0) = S'(0) = 0
 
-In steps of h the sine of the frequency is seen: a wave turns with Ω_h, (2/h) sin(Ω_h h/2) = Ω, and the oscillator with
-w_h. A wave that starts with the velocity of the exact one holds some of that which runs back, f = e^{−i phase}(cos Ω_hτ
-+ ir sin Ω_hτ) with r = Ωh/sin(Ω_h h), and S_{n+1} − 2S_n + S_{n−1} = h²(Im f_n² − w²S_n).
+With steps of h a wave has the frequency Ω_h, (2/h) sin(Ω_h h/2) = Ω, and the oscillator w_h. A wave that starts with
+the exact velocity includes a part that runs back, f = e^{−i phase}(cos Ω_hτ + ir sin Ω_hτ) with r = Ωh/sin(Ω_h h), and
+S_{n+1} − 2S_n + S_{n−1} = h²(Im f_n² − w²S_n).
 
-The incremental law of the shear force has an error of its own. LAMMPS sums the force with the stiffness k at the end of
-a step, half a step late: Σ k_{n+1} Δs = ∫ k ds + (h/2) ∫ k̇ ṡ dτ. In a contact that is stretched by N cos ψ and sheared
-by T cos ψ, ψ = ϑ − Ωτ, the last term is
+The incremental shear law has another error. LAMMPS sums the force with the stiffness k at the end of a step, half a
+step late: Σ k_{n+1} Δs = ∫ k ds + (h/2) ∫ k̇ ṡ dτ. In a contact with the stretch N cos ψ and the shear T cos ψ, ψ = ϑ −
+Ωτ, the last term is
 
     (h/2) k'NT Ω² ∫ sin²ψ dτ = (Ωh/8) k'NT (sin 2ψ − sin 2ϑ) + a force that grows alike in all contacts and moves none
 
-beside a second order of ¼ k'NT cos 2ψ: the shear's part of the drive errs by Ωh/2, in quadrature.
+compared with a second-order force of ¼ k'NT cos 2ψ: the shear part of the drive has a relative error Ωh/2, in
+quadrature.
 """
 
 from math import asin, cos, sin
@@ -35,7 +36,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Oscillator:
-    """An oscillator that a wave drives.
+    """Oscillator driven by a wave.
 
     Attributes
     ----------
@@ -44,7 +45,7 @@ class Oscillator:
     phase : float
         Phase of the wave, rad.
     step : float
-        Time step h in τ; 0 for none.
+        Time step h in τ; 0 for continuous time.
     """
 
     wave: float
@@ -60,11 +61,11 @@ class Oscillator:
 
     @property
     def detuning(self) -> float:
-        """w² − 4Ω² without a step: the drive over the amplitude of the wave that runs with it."""
+        """w² − 4Ω² for continuous time: the drive over the amplitude of the forced wave."""
         return (self.free - 2 * self.wave) * (self.free + 2 * self.wave)
 
     def response(self, tau: Floats) -> Floats:
-        """Return S at the times, (T,), τ; regular where w = 2Ω."""
+        """Return S at the times τ, (T,); regular at w = 2Ω."""
         own = self.stepped[0]
         start = self.wave * self.step / sin(own * self.step) if self.step else 1.0
         along, against, still = ((1 + start) / 2) ** 2, ((1 - start) / 2) ** 2, (1 - start**2) / 2
@@ -72,10 +73,10 @@ class Oscillator:
         return (self._turned * (along * forward + against * forward.conj() + still * self._to(0.0, tau))).imag
 
     def shapes(self, tau: Floats) -> Floats:
-        """Return what p consists of, (T, 1), or (T, 2) of a wave that starts with a phase.
+        """Return the functions that make up p, (T, 1), or (T, 2) for a wave that starts with a phase.
 
-        It is `response`, and the response to a static force: what a start with sheared contacts leaves in them, which
-        is 0 by symmetry at the phase 0.
+        They are `response`, and the response to a static force that a start with sheared contacts leaves; by symmetry
+        it is 0 at phase 0.
         """
         return np.column_stack([self.response(tau), *([self._to(0.0, tau).real] if self.phase else [])])
 
@@ -108,13 +109,13 @@ def _sinc(angle: Any) -> Any:
 
 
 def oscillator_of(scene: Scene, step: float = 0.0) -> Oscillator:
-    """Return the second harmonic of a scene's running plane wave along y, with a step (τ) or none."""
+    """Return the second harmonic of a running plane wave along y in a scene, with a step (τ) or none."""
     free = bloch_mode(unit_contacts(scene), scene.sphere, scene.vector.doubled, "L", physics_of(scene))
     return Oscillator(mode_of(scene).frequency, free.frequency, scene.require_wave().phase, step)
 
 
 def late_shear(scene: Scene, oscillator: Oscillator, tau: Floats) -> Floats:
-    """Return what the step adds to p through shear forces that are half a step late, (T,), in D0."""
+    """Return the change of p by shear forces that are half a step late, (T,), in D0."""
     sphere, lattice, mode = scene.sphere, unit_contacts(scene), mode_of(scene)
     if not physics_of(scene).shear:
         return np.zeros_like(tau)

@@ -1,9 +1,9 @@
-"""All that a run records, as signals, and the files of the answer to which several runs are extrapolated.
+"""Recorded signals of a run, and the files of the answer to which several runs are extrapolated.
 
 Beside p, q and φ of the centre sphere there are, for each monitor NAME, the signals NAME.u, NAME.v, NAME.phi and their
 rates NAME.u_t, NAME.v_t, NAME.phi_t, (T, N) each; with contacts NAME.normal, NAME.shear and, where contacts resist it,
-NAME.rolling, (T, C), 0 where a contact is open; and NAME.flux, (T, R). Those of the snapshots of all spheres are named
-as of a monitor "output.particles".
+NAME.rolling, (T, C), 0 where a contact is open; and NAME.flux, (T, R). Snapshots of all spheres are named like a
+monitor "output.particles".
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 Signals = dict[str, Floats]
 PARTICLES = "output.particles"
 _FIELDS = ("displacement", "rotation", "velocity", "spin")
-# Columns of dumps that change with the step; of contacts those behind the two spheres
+# Columns of dumps that depend on the step; for contacts, those behind the two spheres
 _MOVED = {
     *("normal", "v_theta"),
     *(f"{name}{axis}" for name in ("", "v", "omega", "tangential_", "rolling_") for axis in "xyz"),
@@ -43,14 +43,14 @@ _HEAD = 9  # lines of a snapshot before its spheres
 
 
 class Recorded:
-    """Signals of the runs of a ladder: `add` a run, and `signals` are those of all runs so far, of one shape each."""
+    """Signals of the runs of a ladder: `add` a run; `signals` returns those of all runs so far in equal shapes."""
 
     def __init__(self) -> None:
         self._own: list[Signals] = []
         self._monitors: list[list[MonitorRecord]] = []
 
     def add(self, record: Record) -> None:
-        """Read what a run has recorded."""
+        """Read the record of a run."""
         monitors = [record.monitor(each.name) for each in record.scene.monitor]
         own, everyone = dict(record.signals), _everyone(record.scene)
         for each in monitors:
@@ -78,7 +78,7 @@ class Recorded:
 
 
 def _everyone(scene: Scene) -> bool:
-    """Return whether a run of a scene has snapshots of all spheres beside its record."""
+    """Return whether a run of a scene has snapshots of all spheres in addition to its record."""
     return scene.wave is not None and scene.output.particles > 0
 
 
@@ -88,7 +88,7 @@ def _moving_parts(name: str, displacement: Floats, rotation: Floats, velocity: F
 
 
 def _aligned(pairs: Sequence["ContactForces"], name: str) -> Iterator[Floats]:
-    """Yield the forces of several runs, (T, C) each, on the contacts that touched in any of them."""
+    """Yield the forces of several runs, (T, C) each, on the contacts that occurred in any run."""
     every = sorted({pair for each in pairs for pair in each.pairs})
     place = {pair: column for column, pair in enumerate(every)}
     for each in pairs:
@@ -102,9 +102,9 @@ def _aligned(pairs: Sequence["ContactForces"], name: str) -> Iterator[Floats]:
 
 
 def write_answer(folder: Path, records: Sequence[Record], weights: Sequence[float]) -> None:
-    """Write the dumps of monitors and snapshots of an answer into a folder, from those of its runs.
+    """Write the dumps of monitors and snapshots of an answer into a folder, from the dumps of its runs.
 
-    What does not move, and the steps, are those of the last run; of a contact that is open in any run it has all.
+    Constant values and steps are those of the last run, which also determines a contact that is open in any run.
     """
     places = [each.folder for each in records]
     scene, folders = records[-1].scene, [place for place in places if place is not None]
@@ -133,7 +133,7 @@ def _write_motion(path: Path, paths: Sequence[Path], weights: Sequence[float]) -
 
 
 def write_dump(path: Path, paths: Sequence[Path], weights: Sequence[float]) -> None:
-    """Write a text dump of an answer, of spheres or of contacts, from those of its runs, moment by moment."""
+    """Write a text dump of an answer, for spheres or contacts, from the dumps of its runs, moment by moment."""
     with ExitStack() as files:
         streams = [files.enter_context(each.open(encoding="utf-8")) for each in paths]
         out = files.enter_context(path.open("w", encoding="utf-8"))
@@ -148,7 +148,7 @@ def write_dump(path: Path, paths: Sequence[Path], weights: Sequence[float]) -> N
                 whole = [each[key] for each in numbers if key in each]
                 if len(whole) == len(numbers):
                     values = combined(whole, weights)
-                    if keys == 2 and int(line[0]) > int(line[1]):  # LAMMPS may name the spheres the other way round
+                    if keys == 2 and int(line[0]) > int(line[1]):  # LAMMPS may list the two spheres in the other order
                         values[_of_first(names)] *= -1
                     for at in moved:
                         line[at] = repr(float(values[at]))
@@ -164,21 +164,21 @@ def _snapshots(stream: TextIO) -> Iterator[tuple[list[str], Floats, list[list[st
 
 
 def _of_first(names: Sequence[str]) -> slice:
-    """Return the columns of a contact that are opposite for its other sphere: the shear force and the vector."""
+    """Return the columns of a contact whose sign depends on the sphere: the shear force and the vector."""
     return slice(3, 9 if "z" in names else 7)
 
 
 def _by_key(table: Floats, of_first: slice | None) -> dict[tuple[int, ...], Floats]:
-    """Return the lines of a table by sphere, or by pair of spheres, of which the first is the lower one.
+    """Return the lines of a table by sphere, or by pair of spheres with the lower one first.
 
-    `of_first` are the columns of a pair that are those of its first sphere.
+    `of_first` are the columns of a pair that belong to its first sphere.
     """
     found, keys = {}, 1 if of_first is None else 2
     for row in table:
         key = tuple(map(int, row[:keys]))
         if of_first is not None and key[0] > key[1]:
             row = row.copy()
-            row[of_first] *= -1  # the vector and the force on the first are those of the other sphere
+            row[of_first] *= -1  # the vector and the force then belong to the other sphere
             key = key[::-1]
         found[key] = row
     return found

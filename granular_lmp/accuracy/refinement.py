@@ -1,9 +1,9 @@
-"""Run a scene to its tolerance: make the time step smaller until the estimated error is small enough.
+"""Run a scene to its tolerance: reduce the time step until the estimated error is small enough.
 
-The first step is the one that `granular_lmp.accuracy.ladder` chooses. After each run the answer is extrapolated from
-the last runs, and its error is estimated from the change that the last run made (`granular_lmp.accuracy.estimates`).
-The estimate uses no theory of the wave, so it holds for every wave and every effect. Runs are added until the estimate
-meets the tolerance, or the ladder ends and the tolerance is refused.
+`granular_lmp.accuracy.ladder` chooses the first step. After each run the answer is extrapolated from the last runs, and
+its error is estimated from the change by the last run (`granular_lmp.accuracy.estimates`). The estimate uses no theory
+of the wave, so it holds for every wave and every effect. Runs are added until the estimate meets the tolerance, or the
+ladder ends and the tolerance is refused.
 
 The folder holds a run folder for each step, ``N_per_sample``, and the extrapolated ``trajectory.csv`` beside
 ``scene.toml`` and ``run.json``.
@@ -37,18 +37,18 @@ from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
 from granular_lmp.runs.seal import files_of, scene_digest
 
-MOST_RUNGS = 12  # runs that are tried before the tolerance is refused
-# The finest run looks for effects that decks leave out: a contact that opens in a coarser one alone keeps runs apart.
+MOST_RUNGS = 12  # number of runs before the tolerance is refused
+# Only the finest run checks for effects that decks leave out, because a contact may open in coarser runs only.
 # The first run cannot be the finest, and one of two steps to a sample is so seldom, as nothing comes between 1 and 2
 COARSE = 2
 
 
-# Makes a run of a problem with a step in a folder; the flag says whether its deck looks for effects that it leaves out
+# Function that runs a problem with a step in a folder; the flag says whether the deck has guards
 One = Callable[[Problem, Path, Progress | None, bool], Record]
 
 
 def to_tolerance(problem: Problem, folder: Path, options: Options) -> Record:
-    """Run the problem of a scene with a tolerance; folder, errors and record are those of `granular_lmp.run`."""
+    """Run the problem of a scene with a tolerance; folder, errors and record are as in `granular_lmp.run`."""
     plan(problem)  # raises before anything is written
     if problem.wave is not None:
         check_floor(problem)
@@ -65,7 +65,7 @@ def to_tolerance(problem: Problem, folder: Path, options: Options) -> Record:
 
 
 def resumed(folder: Path, info: dict[str, Any], progress: Progress | None, engine: Engine | None = None) -> Record:
-    """Continue the runs of a scene with a tolerance, of whose folder `info` is ``run.json``."""
+    """Continue the runs of a scene with a tolerance; `info` is ``run.json`` of its folder."""
     problem = prepare(scene_of(folder))
     begins = one_of(options_of(folder, info, engine), problem)
     one = continued(begins, lambda place, part: launch.resume(place, progress=part, engine=engine))
@@ -74,9 +74,9 @@ def resumed(folder: Path, info: dict[str, Any], progress: Progress | None, engin
 
 
 def one_of(options: Options, problem: Problem) -> One:
-    """Return what makes a run with a step; forced, because its folder may exist and hold files of the user.
+    """Return the function that makes a run with a step; it accepts a folder that holds files of the user.
 
-    What is decided of a wave does not depend on the step, and is not decided again.
+    Decisions on a wave do not depend on the step, and are not repeated.
     """
 
     def made(stepped: Problem, place: Path, progress: Progress | None, looks: bool) -> Record:
@@ -90,7 +90,7 @@ def one_of(options: Options, problem: Problem) -> One:
 
 @contextmanager
 def begun(problem: Problem, folder: Path, options: Options) -> Iterator[dict[str, Any]]:
-    """Give the runs of a scene a locked folder that holds ``scene.toml``; yield what ``run.json`` says from the start.
+    """Make a locked folder with ``scene.toml`` for the runs of a scene; yield the first entries of ``run.json``.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def begun(problem: Problem, folder: Path, options: Options) -> Iterator[dict[str
 
 
 def continued(one: One, resume: Callable[[Path, Progress | None], Record]) -> One:
-    """Return `one` of runs that were stopped: what is finished is read, and what has a checkpoint goes on from it."""
+    """Return `one` for stopped runs: it reads finished runs, and continues runs from their checkpoint."""
 
     def rest(stepped: Problem, place: Path, progress: Progress | None, looks: bool) -> Record:
         if (place / STATUS).is_file():
@@ -130,7 +130,7 @@ def continued(one: One, resume: Callable[[Path, Progress | None], Record]) -> On
 
 
 def refine(problem: Problem, folder: Path, one: One, progress: Progress | None, info: dict[str, Any]) -> Record:
-    """Run with smaller and smaller steps until the estimate meets the tolerance, and write ``run.json`` of the whole.
+    """Run with ever smaller steps until the estimate meets the tolerance, and write the common ``run.json``.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def halved(
     progress: Progress | None,
     info: dict[str, Any],
 ) -> tuple[list[Record], Judgement, list[str]]:
-    """Run with smaller and smaller steps until the estimate meets the tolerance; ``run.json`` says if that fails.
+    """Run with ever smaller steps until the estimate meets the tolerance; ``run.json`` says if this fails.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def halved(
         Steps per sample of the planned runs; more of them are said in ``run.json``.
     one : callable
         Function of problem, folder, progress callback and whether to look that makes one run of a problem with a step.
-        Only a run that is finer than all before looks, and the finest does in the end.
+        Only a run that is finer than all earlier ones has guards, and in the end the finest has them.
     estimate : callable
         Judgement of some runs, of which all errors count.
     progress : callable, optional
@@ -221,7 +221,7 @@ def halved(
     records : list
         The runs, in the order in which they were made.
     judgement : Judgement
-        What was estimated of them.
+        Answer and estimated errors.
     refinements : list of str
         A sentence for each run beyond the plan.
 
@@ -248,7 +248,7 @@ def halved(
             records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", part, looks))
             counts.append(count)
             judgement = estimate(records)
-            # The comparison is false for a nan
+            # The comparison is false for nan
             if len(counts) > 1 and all(error <= tolerance for error in judgement.errors.values()):
                 _look(records, lambda step, place: one(problem.stepped(step), folder / place, None, True))
                 break
@@ -274,7 +274,7 @@ def halved(
 
 
 def _look(records: list[Record], again: Callable[[float, str], Record]) -> None:
-    """Make the finest run of a ladder once more if it has not looked; its steps and seconds are those of both."""
+    """Repeat the finest run of a ladder if it had no guards; its steps and seconds include both."""
     place, finest = max(enumerate(records), key=lambda each: each[1].scene.time.steps_per_sample)
     if finest.info.get("looks") == {}:
         looked = again(finest.scene.time.timestep, f"{finest.scene.time.steps_per_sample}{PER_SAMPLE}")

@@ -1,7 +1,7 @@
 """Errors that no time step removes: the rounding of positions, and the held ends.
 
-LAMMPS adds displacements of a fraction of the static overlap, 1e-10 m, to positions of up to 1e-4 m: of 16 digits, ten
-are left for the displacement of the farthest sphere.
+LAMMPS adds displacements of a fraction of the static overlap, 1e-10 m, to positions of up to 1e-4 m, so 10 of 16 digits
+remain for the displacement of the farthest sphere.
 """
 
 from collections.abc import Mapping
@@ -16,9 +16,9 @@ from granular_lmp.rest.linear import mode_of, plane_along_y
 from granular_lmp.rest.resolution import farthest_rounding, position_rounding
 from granular_lmp.rest.scene import Scene
 
-# Share of the largest signal below which a signal counts as zero; one that vanishes by symmetry is rounding, 1e-9 of it
+# Share of the largest signal below which a signal counts as zero; rounding of a vanishing signal is 1e-9
 _STILL = 1e-7
-# Relative error by the walls before their echo arrives (`granular_lmp.rest.shape.echo_time`)
+# Relative error due to the walls before their echo arrives (`granular_lmp.rest.shape.echo_time`)
 WALL_ERROR = 1e-6
 
 
@@ -79,14 +79,14 @@ def rounding(problem: Problem, signals: Mapping[str, NDArray[np.float64]]) -> di
 def walls(problem: Problem) -> float:
     """Return the error by the faces at the centre, relative to the wave: 1e-6, or 0 in a periodic cell.
 
-    It is also 0 for a scene that runs past the echo (``time.allow_echo``), where the walls are part of the scene.
+    It is also 0 for a scene that runs on after the echo (``time.allow_echo``), where the walls are part of the scene.
     """
     scene = problem.scene
     return WALL_ERROR if scene.shape.faces and scene.time.duration <= scene.echo_time else 0.0
 
 
 def floor(problem: Problem, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
-    """Return the relative errors that no time step removes, rounding and walls, for the worst signal."""
+    """Return the relative errors of rounding and walls, which no time step removes, for the worst signal."""
     return {"rounding": max(rounding(problem, signals).values(), default=0.0), "walls": walls(problem)}
 
 
@@ -100,8 +100,8 @@ def check_floor(problem: Problem) -> None:
     for source, value in floor(problem, linear_signals(problem)).items():
         if scene.time.clock.tolerance < value:
             raise SceneError(
-                f"time.tolerance = {scene.time.tolerance!r}: must be at least {value:.2g}, which {source} leaves in "
-                f"this scene, or take {remedies[source]}"
+                f"time.tolerance = {scene.time.tolerance!r}: must be at least {value:.2g}, the error from {source} in "
+                f"this scene; or use {remedies[source]}"
             )
 
 
@@ -118,7 +118,7 @@ def below_rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> 
         return []
     return [
         f"wave.amplitude = {scene.amplitude!r}: p is {size:.2g} D0, and the rounding of positions leaves "
-        f"{least:.2g} D0 by itself; take a larger amplitude or fewer packing.rows"
+        f"{least:.2g} D0 by itself; use a larger amplitude or fewer packing.rows"
     ]
 
 

@@ -1,17 +1,17 @@
-"""The second harmonic of a run, measured in its record alone: no theory of its amplitude is asked.
+"""Second harmonic of a run, measured only in its record, without a theory of its amplitude.
 
 At the wave number 2ξ the lattice is one oscillator of frequency w̃, at rest at τ = 0 and driven at 2Ω, so that
 
     p = B S(τ) + c cos w̃τ + s sin w̃τ  (+ the fundamental, for L),   S'' + w̃²S = sin 2(Ωτ − phase),  S(0) = S'(0) = 0
 
 and a constant at a phase other than 0. Ω and w̃ are those of the linear lattice; the factors are fitted by least
-squares. The wave that runs with the fundamental has the amplitude A = |B/(w̃² − 4Ω²)|. S stays regular, and apart from
-the free waves, where w̃ comes near 2Ω; A does not: at the resonance the second harmonic grows with time and has no
-amplitude.
+squares. The forced wave, which runs with the fundamental, has the amplitude A = |B/(w̃² − 4Ω²)|. Where w̃ comes near
+2Ω, S stays regular and distinct from the free waves, but A does not: at the resonance the second harmonic grows with
+time and has no amplitude.
 
-The time step changes the frequencies and the drive. A second fit has the functions of the stepped lattice
-(`granular_lmp.accuracy.oscillator`), and its A is that without a step: the difference is the error of the step. Of a
-run to a tolerance, whose record is extrapolated, it is the share that the estimate of p says.
+The time step changes the frequencies and the drive. A second fit uses the functions of the stepped lattice
+(`granular_lmp.accuracy.oscillator`), so its A is that for step 0; the difference is the error of the step. For a run to
+a tolerance, whose record is extrapolated, the relative error is the estimate for p.
 """
 
 from math import hypot, pi
@@ -28,21 +28,21 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
-_FEWEST = 3  # records for each factor of the fit
-_MOVED = ("damping", "sliding", "contact_opening")  # effects with which p has other functions of time
+_FEWEST = 3  # records per coefficient of the fit
+_MOVED = ("damping", "sliding", "contact_opening")  # effects that give p another form
 
 
 @dataclass(frozen=True)
 class SecondHarmonic:
-    """The second harmonic of a run.
+    """Second harmonic of a run.
 
     Attributes
     ----------
     amplitude : float
         A, in D0.
     error : float
-        Error of the time step, and the standard error of the second fit, in D0: of white noise. Where other waves are
-        left it measures them and no more.
+        Error of the time step, and standard error of the second fit for white noise, in D0. If other waves are present
+        it only measures their size.
     frequency : float
         2Ω, in rad/t0.
     """
@@ -53,11 +53,11 @@ class SecondHarmonic:
 
 
 def second_harmonic(record: Record) -> SecondHarmonic | None:
-    """Return the second harmonic of a run; None where p is not of the form above, or does not resolve it.
+    """Return the second harmonic of a run; None if p does not have the form above, or does not resolve it.
 
-    That form is of a running plane wave along y, without dashpots, sliding and opening contacts, before the echo of
+    The form holds for a running plane wave along y, without dashpots, sliding or opening contacts, before the echo of
     walls. *Good values*: a duration of several periods of the beat 2π/|w̃ − 2Ω|, and samples of less than half a period
-    of either. *Breaks* where the wave is so large that its third harmonic is in p too, of relative order a².
+    of either. *Breaks* if the wave is so large that p contains its third harmonic, of relative order a².
     """
     scene, tau = record.scene, record.tau
     moved = any(getattr(scene.effects, name) is True for name in _MOVED)

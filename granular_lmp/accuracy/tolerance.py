@@ -1,6 +1,6 @@
 """Run a scene, or continue its run: one run with its time step, or runs to its tolerance.
 
-What a tolerance takes is in `granular_lmp.accuracy.refinement`.
+`granular_lmp.accuracy.refinement` makes the runs to a tolerance.
 """
 
 from pathlib import Path
@@ -35,9 +35,9 @@ def run(
     kernel: bool | None = None,
     engine: Engine | None = None,
 ) -> Record:
-    """Run a scene, or a deck whose text may have been edited, and return the record of the centre sphere.
+    """Run a scene, or a deck, whose text may be edited, and return the record of the centre sphere.
 
-    A scene with ``time.tolerance`` is run with smaller and smaller steps until the estimated error meets it.
+    A scene with ``time.tolerance`` is run with ever smaller steps until the estimated error meets the tolerance.
 
     Parameters
     ----------
@@ -58,10 +58,10 @@ def run(
         Callback ``progress(step, steps)``, called about ten times a second; `steps` grows if more runs are needed.
     kernel : bool, optional
         Compute contacts with the library that `granular_lmp.lammps.kernel.library.build` made: the same numbers in less
-        time. By default it is taken if it was built and knows the contacts. True demands it, False
-        turns it off, and ``info["kernel"]`` says that it was taken.
+        time. By default it is used if it was built and supports the contacts. True requires it, False turns it off;
+        ``info["kernel"]`` says that it was used.
     engine : Engine, optional
-        What takes the steps in place of LAMMPS (`granular_lmp.runs.engine`).
+        Engine that takes the steps in place of LAMMPS (`granular_lmp.runs.engine`).
 
     Returns
     -------
@@ -72,12 +72,12 @@ def run(
     Raises
     ------
     SceneError
-        Before anything is run, if effects contradict each other, the time step is beyond the stability limit, or the
-        tolerance is below the error that rounding or the walls leave in the linear wave.
+        Before any run, if effects contradict each other, the time step is beyond the stability limit, or the tolerance
+        is below the error of rounding or walls in the linear wave.
     RunFolderError
         If the folder exists (without `force`) or cannot be written.
     LaunchError
-        If the launcher is unknown, there are more ranks than cores, or the kernel does not know a contact of the deck.
+        If the launcher is unknown, there are more ranks than cores, or a required kernel does not support a contact.
     LammpsMissingError
         If LAMMPS, its MPI library, a package or the kernel is missing.
     LammpsError
@@ -86,7 +86,7 @@ def run(
         If the run is complete but a guard triggered: an effect that the deck leaves out occurred
         (`granular_lmp.lammps.guards`).
     ToleranceError
-        If the tolerance is below the rounding error of the first run's signals, or the shortest step misses it.
+        If the tolerance is below the rounding error of the signals in the first run, or the shortest step misses it.
     RunInterrupted
         On Ctrl-C. LAMMPS stops within a second, ``run.json`` is updated, and the record so far is kept; see `resume`.
 
@@ -129,7 +129,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None, engine: Engi
     folder : path
         Run folder.
     progress, engine : optional
-        As in `run`; a run is continued by what began it.
+        As in `run`; the same engine must continue a run.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None, engine: Engi
     """
     folder = absolute(folder)
     if (folder / SWEEP).is_file():
-        raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
+        raise RunFolderError(f"{folder}: holds a sweep; repeat its sweep command to run what is missing")
     info = read_unfinished(folder)
     if isinstance(scene_of(folder).time.clock, Step):
         return launch.resume(folder, progress=progress, judge=_budget, engine=engine)

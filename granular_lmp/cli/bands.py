@@ -1,4 +1,4 @@
-"""Bands and gaps of a chain, as text and as JSON."""
+"""Print bands and gaps of a chain, as text or JSON."""
 
 from collections.abc import Iterator
 from math import pi
@@ -11,7 +11,7 @@ Ranges = list[tuple[str, float, float]]
 
 
 def ranges(cell: "tuple[NDArray[Any], NDArray[Any]]") -> Ranges:
-    """Return the bands and gaps of a cell, ("band", from, to), in rad/t0 of its masses and stiffnesses, ascending."""
+    """Return the bands and gaps of a cell, ascending, as ("band", from, to) in rad/t0."""
     from granular_lmp.crystal.chain_bands import edges, gaps
 
     bands = edges(*cell)

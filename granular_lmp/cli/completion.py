@@ -1,13 +1,13 @@
-"""A script for a shell that completes commands, options, folders, files and names of scenes; made by shtab.
+"""Make a shell script, with shtab, that completes commands, options, folders, files and names of scenes.
 
-`Parser` marks each argument by its metavar, so that a new command is completed without a word here.
+`Parser` reads the kind of each argument from its metavar, so new commands need no change here.
 """
 
 import argparse
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-# For each shell a function that offers names and files, and how an argument names that function
+# For each shell: a function that offers names and files, and how an argument refers to it
 _FUNCTIONS = {
     "bash": '{function}() {{ compgen -W "{names}" -- "$1"; compgen -f -- "$1"; }}',
     "zsh": "{function}() {{ compadd {names}; _files; }}",
@@ -18,7 +18,7 @@ SHELLS = tuple(_FUNCTIONS)
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose arguments SCENE, DIR and FILE say what completes them."""
+    """Parser whose arguments SCENE, DIR and FILE determine what completes them."""
 
     def add_argument(self, *names: Any, **how: Any) -> argparse.Action:
         """Add an argument as argparse does."""

@@ -1,4 +1,4 @@
-"""Commands on decks that people bring themselves: lint."""
+"""Commands on decks of other origin: lint."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
-    lint = add(commands, "lint", _lint, "warn of what can be wrong with a granular deck of any origin; it is not run")
-    lint.add_argument("deck", metavar="DECK", help="the file that 'lmp -in' takes")
+    lint = add(commands, "lint", _lint, "warn about likely errors in a granular deck of any origin, without a run")
+    lint.add_argument("deck", metavar="DECK", help="input file, as for 'lmp -in'")
     variables_argument(lint)
-    lint.add_argument("--strict", action="store_true", help="end with status 1 if there is a warning")
+    lint.add_argument("--strict", action="store_true", help="exit with status 1 if there is a warning")
     json_argument(lint)
 
 
@@ -31,13 +31,13 @@ def _lint(options: Options) -> int:
     if reading.stopped:
         remark(f"note: {reading.stopped}; what follows was not read")
     if reading.start and not reading.start.exact:
-        remark(f"note: {options.deck}: contacts are judged as they were before a minimization, which was not done")
+        remark(f"note: {options.deck}: contacts are judged before a minimization, which was not done")
     if not reading.stages:
-        remark(f"note: {options.deck}: LAMMPS met no run, so that contacts and steps could not be judged")
+        remark(f"note: {options.deck}: the deck has no run, so contacts and steps could not be judged")
     elif reading.spheres is None:
-        remark(f"note: {options.deck}: no sphere was there at the first long run, so that no contact could be judged")
+        remark(f"note: {options.deck}: there were no spheres at the first long run, so no contact could be judged")
     if not reading.is_granular:
-        remark(f"note: {options.deck}: this is no deck of pair_style granular or gran/..., and nothing was judged")
+        remark(f"note: {options.deck}: the deck does not use pair_style granular or gran/..., so nothing was judged")
     if options.json:
         say_json([_row(*each) for each in found])
     else:

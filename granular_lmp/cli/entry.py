@@ -1,6 +1,6 @@
-"""How a command begins and ends: its standard streams, its errors in one line, its exit status.
+"""Begin and end of a command: its standard streams, its errors in one line, its exit status.
 
-`ended` is the entry of granular-analysis, too.
+`ended` is also the entry of granular-analysis.
 """
 
 import argparse
@@ -33,7 +33,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(argv: list[str] | None = None) -> int:
-    from granular_lmp.cli.parser import parsers  # inside the entry: an interrupted import is one line, too
+    from granular_lmp.cli.parser import (
+        parsers,
+    )  # imported inside the entry, so that an interrupted import gives one line too
 
     started = time.perf_counter()
     words = sys.argv[1:] if argv is None else argv
@@ -49,26 +51,28 @@ def _command(argv: list[str] | None = None) -> int:
 
 
 def as_program(name: str, command: Callable[[], int | None]) -> int:
-    """Run the command of this process, as `ended`, without the searches for garbage that a short process can spare."""
-    gc.set_threshold(100_000)  # to search all that is imported for circles, again and again, is 5 % of a short command
+    """Run the command of this process, as `ended` does, without garbage collection, which a short process can omit."""
+    gc.set_threshold(100_000)  # repeated searches for cycles among all imported objects take 5 % of a short command
     status = ended(name, command)
-    gc.freeze()  # the interpreter would search numpy for circles before it ends: 7 % of a short command
+    gc.freeze()  # at exit the interpreter would search numpy for cycles: 7 % of a short command
     return status
 
 
 def ended(name: str, command: Callable[[], int | None]) -> int:
-    """Run a command of a program; returns its exit status. Its error is one line that begins with the program's name.
+    """Run a command of a program and return its exit status; an error is one line after the program's name.
 
-    A SystemExit with a text is bad input, as `GranularError` says it; another, that of argparse, is passed on.
+    A SystemExit with a text is bad input, like a `GranularError`; any other, such as that of argparse, is passed on.
     """
     _open_streams()
-    # Before numpy is imported: its matrices are small here, and threads would take a quarter of the processor time
+    # Before numpy is imported: matrices are small here, and threads would take a quarter of the processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    os.environ["MPLBACKEND"] = "agg"  # pictures go to files; matplotlib is not imported where it knows not the backend
+    os.environ["MPLBACKEND"] = (
+        "agg"  # pictures go to files; an unknown backend would make the import of matplotlib fail
+    )
     os.environ["MATPLOTLIBRC"] = STYLE  # a figure is the same for every user, whose own settings may need LaTeX
     try:
         status = command() or 0
-        sys.stdout.flush()  # what a script printed may stand in a buffer, and the disk be full
+        sys.stdout.flush()  # printed text may still be in a buffer while the disk is full
         return status
     except GranularError as error:
         remark(f"{name}: error: {error.in_options()}")
@@ -81,9 +85,9 @@ def ended(name: str, command: Callable[[], int | None]) -> int:
     except KeyboardInterrupt:
         remark(f"{name}: interrupted")
         return 128 + signal.SIGINT
-    except BrokenPipeError:  # the reader of our output, `head` say, has gone
+    except BrokenPipeError:  # the reader of the output, such as `head`, has ended
         return 0
-    except OSError as error:  # the machine refuses: a folder that nobody may look into, no descriptors left
+    except OSError as error:  # the system refuses: no permission for a folder, or no descriptors left
         remark(f"{name}: error: {error.filename or 'this machine'}: {error.strerror or error}")
         return 2 if error.filename else 1
     except MemoryError as error:
@@ -94,7 +98,7 @@ def ended(name: str, command: Callable[[], int | None]) -> int:
 
 
 def _open_streams() -> None:
-    """Send what is said on a closed stream to nowhere; else the next file that is opened would take its place."""
+    """Open /dev/null in place of a closed stream; otherwise the next file opened would take its descriptor."""
     descriptor = os.open(os.devnull, os.O_RDWR)
     while descriptor <= _STDERR:
         os.set_inheritable(descriptor, True)
@@ -107,7 +111,7 @@ def _open_streams() -> None:
 
 
 def _drop_unwritten() -> None:
-    """Flush what is said, or drop it where it cannot be written, so that the interpreter does not complain at exit."""
+    """Flush the streams, or drop their text if it cannot be written, so that the interpreter exits without error."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -119,4 +123,4 @@ def _refuse_deleted_folder() -> None:
     try:
         os.getcwd()
     except FileNotFoundError as error:
-        raise RunFolderError("the working directory was deleted; change to one that is there") from error
+        raise RunFolderError("the working directory was deleted; change to one that exists") from error

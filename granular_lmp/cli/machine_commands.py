@@ -7,19 +7,21 @@ from granular_lmp.cli.output import say, say_json
 
 def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
-    text = "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test"
+    text = "report LAMMPS, its packages, MPI and cores, and run a short self-test"
     json_argument(add(commands, "doctor", _doctor, text))
 
     add(
         commands,
         "build-kernel",
         _build_kernel,
-        "compile the kernel, which computes contacts faster and which all runs then take; needs a compiler",
+        "compile the kernel, which later runs use to compute contacts faster; needs a compiler",
     )
 
-    text = 'print what completes commands, options and scenes in a shell: eval "$(granular-lmp completion bash)"'
+    text = (
+        'print a script that completes commands, options and scenes in a shell: eval "$(granular-lmp completion bash)"'
+    )
     completion = add(commands, "completion", _completion, text)
-    completion.add_argument("shell", choices=SHELLS, help="for which shell")
+    completion.add_argument("shell", choices=SHELLS, help="name of the shell")
     completion.set_defaults(parsers=commands.choices)
 
 
@@ -38,7 +40,7 @@ def _doctor(options: Options) -> int:
 def _build_kernel(_: Options) -> int:
     from granular_lmp.lammps.kernel.library import build
 
-    say(f"{build()}: runs take it wherever it knows their contacts")
+    say(f"{build()}: runs use it wherever it supports their contacts")
     return 0
 
 

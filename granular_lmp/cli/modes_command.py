@@ -1,4 +1,4 @@
-"""The command ``modes``: branches of a scene's crystal at its wave vector, through the zone, and their density."""
+"""Command ``modes``: branches of the crystal of a scene at its wave vector, through the zone, and their density."""
 
 from collections.abc import Callable, Mapping
 from math import pi
@@ -41,7 +41,7 @@ def add_to(commands: Commands) -> None:
         nargs="?",
         const=30,
         type=int,
-        help="density of states, from as many wave vectors along each axis of the zone (default: %(const)s)",
+        help="density of states, from this number of wave vectors along each axis of the zone (default: %(const)s)",
     )
 
 
@@ -59,14 +59,14 @@ def _modes(options: Options) -> int:
 
 
 def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
-    """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
+    """Print the bands of frequencies of waves along a compressed chain, and the gaps between them."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
     from granular_lmp.problem import prepare
 
     if options.path is not None or options.dos is not None:
         raise SceneError(
-            f"modes --path and --dos: {scene.name} must have spheres that adhere, or a sheet that is pressed together; "
-            "spheres that meet have no modes"
+            f"modes --path and --dos: {scene.name} must have spheres that adhere, or a compressed sheet; spheres that "
+            "meet have no modes"
         )
     problem = prepare(scene)
     t0 = problem.scene.scale.time
@@ -89,7 +89,7 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
 
 
 def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
-    """Say the Bloch modes at the scene's wave vector, without a wave at Γ, and of a chain its bands."""
+    """Print the Bloch modes at the wave vector of the scene, at Γ without a wave, and the bands of a chain."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
     from granular_lmp.rest.at_rest import chain_cell
 
@@ -120,7 +120,7 @@ def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
 
 
 def _vector_of(scene: "Scene") -> "WaveVector":
-    """Return the wave vector of a scene's wave, without one Γ."""
+    """Return the wave vector of the wave of a scene; Γ without a wave."""
     return scene.lattice.vector(0.0) if scene.wave is None else scene.vector
 
 
@@ -142,22 +142,22 @@ def _at_wavevector(scene: "Scene") -> Table:
         modes = modes_at(crystal, sphere, vector, physics)
         found = [(m.frequency, {"mode": m.name, "p": m.p, "q": m.q, "f": m.f}) for m in modes]
     velocities = group_velocities(crystal, sphere, k, physics) * sphere.radius / sphere.time_scale
-    velocities = velocities[len(velocities) - len(found) :]  # motions that no contact resists are the lowest
+    velocities = velocities[len(velocities) - len(found) :]  # the lowest modes are motions that no contact resists
     order = np.argsort(np.argsort([frequency for frequency, _ in found], kind="stable"), kind="stable")
     hertz = 1 / sphere.time_scale / (2 * pi)
     return [
         row
         | {"frequency": frequency, "frequency_Hz": frequency * hertz}
-        # At Γ that of sound is no derivative: it depends on the direction
+        # At Γ the velocity of sound is not a derivative: it depends on the direction
         | ({"group_velocity_m_s": velocities[place].tolist()} if vector.wavenumber else {})
         for (frequency, row), place in zip(found, order, strict=True)
     ]
 
 
 def _of_crystal(scene: "Scene", vector: "WaveVector", k: "NDArray[np.float64]") -> list[tuple[float, dict[str, Any]]]:
-    """Return frequency and number, names and shares of each mode, lowest first.
+    """Return frequency, number, names and shares of each mode, the lowest first.
 
-    Where mirrors part the modes in sagittal and shear-horizontal ones, modes of one frequency have the shapes of both.
+    If a mirror separates sagittal from shear-horizontal modes, degenerate modes are separated in the same way.
     """
     from granular_lmp.crystal.bloch import bloch_modes
     from granular_lmp.crystal.modes import MODES, named_in_space
@@ -168,7 +168,7 @@ def _of_crystal(scene: "Scene", vector: "WaveVector", k: "NDArray[np.float64]") 
     named = dict(named_in_space(crystal, sphere, vector, physics)) if physics.space else {}
     plane = {name: named.pop(name)[0] for name in MODES if name in named}
     if named:
-        # Of one frequency in the order of their names, which no rounding changes
+        # Degenerate modes are ordered by name, which rounding cannot change
         modes = sorted(((*mode, name) for name, mode in named.items()), key=lambda mode: round(mode[0], 9))
     else:
         modes = [(*each, "") for each in zip(*bloch_modes(crystal, sphere, k, physics), strict=True)]
@@ -184,7 +184,7 @@ def _of_crystal(scene: "Scene", vector: "WaveVector", k: "NDArray[np.float64]") 
 
 
 def _left_out(scene: "Scene") -> str:
-    """Return the imperfections that are not in the crystal of the modes, in words."""
+    """Return words for imperfections that the crystal of the modes does not include."""
     from granular_lmp.rest.words import imperfections
 
     return imperfections(scene.disorder, () if scene.wave_lattice.densities else scene.inclusion, scene.packing.table)
@@ -203,7 +203,7 @@ def _say_modes(scene: "Scene", table: Table) -> None:
         where = f"xi = {scene.wavenumber!r} rad per row" + ("" if scene.along == "y" else f" along {scene.along}")
     say(f"{where}; t0 = {scene.sphere.time_scale:.6g} s; {shapes}")
     if left_out := _left_out(scene):
-        start = "" if scene.wave is None else ", as which the wave starts"
+        start = "" if scene.wave is None else ", the crystal in which the wave starts"
         say(f"of the perfect lattice{start}; left out: {left_out}")
     columns = [key for key, value in table[0].items() if isinstance(value, float) and "frequency" not in key]
     width = 10 if by_share else 12
@@ -219,7 +219,7 @@ def _say_modes(scene: "Scene", table: Table) -> None:
 
 
 def _speeds(scene: "Scene", table: Table) -> list[str]:
-    """Return the group velocity of each mode along k, m/s, below 0 if it is against k; none at Γ."""
+    """Return the group velocity of each mode along k, m/s, negative if it is against k; none at Γ."""
     if "group_velocity_m_s" not in table[0]:
         return []
     unit = _vector_of(scene).unit
@@ -229,7 +229,7 @@ def _speeds(scene: "Scene", table: Table) -> list[str]:
 
 
 def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
-    """Say the branches along a path through the zone, or their density."""
+    """Print the branches along a path through the zone, or their density."""
     from granular_lmp.crystal.zone import CHARACTERS, along_path, density_of_states
     from granular_lmp.rest.linear import physics_of, wave_contacts
 
@@ -283,7 +283,7 @@ def _say_corners(table: Table, corners: tuple[tuple[float, str], ...]) -> None:
 
 
 def _say_density(table: Table) -> None:
-    """Print the range of frequencies and the bin that holds most modes."""
+    """Print the range of frequencies and the bin with most modes."""
     there = [row for row in table if row["density_per_Hz"] > 0]
     most = max(there, key=lambda row: float(row["density_per_Hz"]))
     say(f"modes from {there[0]['frequency_Hz']:.6g} to {there[-1]['frequency_Hz']:.6g} Hz")

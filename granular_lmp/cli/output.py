@@ -1,4 +1,4 @@
-"""Output of a command: its answer on standard output; notes, warnings and the progress bar on standard error."""
+"""Output of a command: results on standard output; notes, warnings and the progress bar on standard error."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from granular_lmp.progress import ProgressBar
 
 
 def say(line: str) -> None:
-    """Write a line of the answer."""
+    """Write a line of the result."""
     try:
         print(line, flush=True)
     except BrokenPipeError:
@@ -23,19 +23,19 @@ def say(line: str) -> None:
 
 
 def say_json(answer: Any) -> None:
-    """Write the answer as JSON, for another program."""
+    """Write the result as JSON, for another program."""
     say(json.dumps(answer, indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def remark(line: str, end: str = "\n") -> None:
-    """Write a line beside the answer; it is dropped where it cannot be written, for it is no reason to stop."""
+    """Write a line on standard error; drop it if it cannot be written, as this is no reason to stop."""
     with suppress(OSError):
         print(line, end=end, file=sys.stderr, flush=True)
 
 
 @contextmanager
 def notes_of_log() -> Iterator[None]:
-    """Say what the package writes to its log at level INFO, each sentence once."""
+    """Print what the package logs at level INFO, each sentence once."""
     import logging  # kept out of --help
 
     said = set[str]()
@@ -59,9 +59,9 @@ def notes_of_log() -> Iterator[None]:
 
 
 def say_profile(seconds: Mapping[str, float], total: float) -> None:
-    """Write the wall seconds of each phase beside the answer, in the order in which they began, and what is left.
+    """Write the wall time of each phase, in seconds and in order of their start, and the remaining time.
 
-    The processor seconds are those of this process since the system started it, and of programs that it ran.
+    Processor seconds include this process since its start and the programs that it ran.
     """
     rest = {"rest": total - sum(seconds.values()), "total": total}
     for name, spent in {**seconds, **rest}.items():
@@ -73,7 +73,7 @@ def say_profile(seconds: Mapping[str, float], total: float) -> None:
 
 @contextmanager
 def interruptible() -> Iterator[ProgressBar | None]:
-    """Let a batch system's SIGTERM interrupt like Ctrl-C; gives the progress display, if there is a terminal."""
+    """Let SIGTERM from a batch system interrupt like Ctrl-C; yield the progress display if there is a terminal."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     bar = ProgressBar() if sys.stderr.isatty() else None
     try:
@@ -85,6 +85,6 @@ def interruptible() -> Iterator[ProgressBar | None]:
 
 
 def progress_of_rest(stage: str, steps: int, force: float, _energy: float) -> None:
-    """Say how far a crystal is from rest, where there is a terminal."""
+    """Show the progress of a relaxation, if there is a terminal."""
     if sys.stderr.isatty():
-        remark(f"\r\033[Kthe crystal comes to rest: {stage}, step {steps}, largest force {force:.1e} k1 Delta0", end="")
+        remark(f"\r\033[Krelaxing the crystal: {stage}, step {steps}, largest force {force:.1e} k1 Delta0", end="")

@@ -1,4 +1,4 @@
-"""The parser of the command line: which commands there are, in the order of their list."""
+"""Parser of the command line, with the commands in the order of their list."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ from granular_lmp.cli.arguments import Commands
 from granular_lmp.cli.completion import Parser
 from granular_lmp.version import __version__
 
-# To make the parsers of all commands takes as long as to read and check a scene
+# Making the parsers of all commands takes as long as reading and checking a scene
 GROUPS = {
     scene_commands: ("init", "list", "schema", "check", "build", "effects", "combine"),
     modes_command: ("modes",),
@@ -23,25 +23,27 @@ GROUPS = {
     study_commands: ("sweep", "scatter", "cost", "collide"),
     view_commands: ("view", "front", "export"),
     deck_commands: ("lint",),
-    machine_commands: (),  # completion asks for all
+    machine_commands: (),  # completion needs all commands
 }
 
 
 def parsers(words: Sequence[str] = ()) -> tuple[Parser, Commands]:
-    """Return the parser, and its commands: all, or the group of the command with which a command line begins."""
+    """Return the parser with all commands, or with the group of the first command on a command line."""
     parser = Parser(
         prog="granular-lmp",
-        description="Waves in crystals of adhesive spheres, through LAMMPS.",
-        epilog="SCENE is a TOML file, a folder that holds scene.toml, or the name of a folder of lammps_inputs.",
+        description="Waves in crystals of spheres: LAMMPS decks with the physics that a scene calls for, runs, and an "
+        "independent theory.",
+        epilog="Begin with: granular-lmp run tr_resonant -o runs/first. SCENE is a TOML file, a folder that holds "
+        "scene.toml, or the name of a scene of `granular-lmp list`.",
     )
     parser.add_argument("--version", action="version", version=f"granular-lmp {__version__}")
     parser.add_argument(
-        "--profile", action="store_true", help="before COMMAND: say on standard error where its time went, by phase"
+        "--profile", action="store_true", help="before COMMAND: print the time of each phase on standard error"
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for group in [group for group, names in GROUPS.items() if set(words[:1]) & set(names)] or GROUPS:
         group.add_to(commands)
-    parser.set_defaults(parser=parser)  # for the command that completes all others
+    parser.set_defaults(parser=parser)  # for the command that completes all other commands
     return parser, commands
 
 

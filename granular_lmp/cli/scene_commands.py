@@ -1,4 +1,4 @@
-"""Commands about a scene, before it is run: init, list, schema, check, build, effects, combine."""
+"""Commands on a scene before its run: init, list, schema, check, build, effects, combine."""
 
 import json
 from collections.abc import Iterator
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from granular_lmp.rest.scene import Scene
     from granular_lmp.studies.forecast import Forecast
 
-WORTH_RANKS = 10_000  # spheres from which several ranks were measured
+WORTH_RANKS = 10_000  # fewest spheres for which several ranks were measured
 
 
 def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
-    init = add(commands, "init", _init, "write a commented scene to begin with, or copy all that is shipped")
+    init = add(commands, "init", _init, "write a commented scene to begin with, or copy all shipped scenes")
     what = init.add_mutually_exclusive_group(required=True)
     what.add_argument("file", metavar="FILE", nargs="?", help="scene file to write, for instance mine.toml")
     what.add_argument("--all", metavar="DIR", help="copy all shipped scenes and their decks into a new folder")
@@ -34,14 +34,16 @@ def add_to(commands: Commands) -> None:
         metavar="SCENE",
         default="tr_nonresonant",
         dest="source",
-        help="for FILE: the scene to begin with, see granular-lmp list (default: %(default)s)",
+        help="for FILE: scene to begin with, see granular-lmp list (default: %(default)s)",
     )
 
-    add(commands, "list", _list, "list the scenes and collisions that are shipped, a line each")
+    add(commands, "list", _list, "list the shipped scenes and collisions, one per line")
     schema = add(commands, "schema", _schema, "print the JSON Schema of a scene file, for editors")
-    schema.add_argument("kind", nargs="?", choices=("wave", "impact"), default="wave", help="of which (default: wave)")
+    schema.add_argument(
+        "kind", nargs="?", choices=("wave", "impact"), default="wave", help="kind of scene (default: wave)"
+    )
 
-    check = add(commands, "check", _check, "say what a run would take and do, without doing it")
+    check = add(commands, "check", _check, "report the steps, time, memory and settings of a run, without running it")
     scene_arguments(check)
     json_argument(check)
 
@@ -49,12 +51,14 @@ def add_to(commands: Commands) -> None:
     scene_arguments(build)
     folder_arguments(build, "folder for the deck (default: decks/NAME)")
 
-    effects = add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
+    effects = add(commands, "effects", _effects, "report which effects the deck of a scene includes, and why")
     scene_arguments(effects)
     json_argument(effects)
 
-    combine = add(commands, "combine", _combine, "say whether two features of a scene go together, and if not, why")
-    told = "its name, for instance jkr (a wrong one prints all); its key, if no other feature has it; or KEY=VALUE"
+    combine = add(
+        commands, "combine", _combine, "report whether two features of a scene can be combined, and if not, why"
+    )
+    told = "name, for instance jkr (a wrong name prints all); key, if no other feature has it; or KEY=VALUE"
     combine.add_argument("features", nargs=2, metavar="FEATURE", help=told)
 
 
@@ -111,7 +115,7 @@ def _check(options: Options) -> int:
 
 
 def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
-    """Return what check says, for another program."""
+    """Return the results of check, for another program."""
     from dataclasses import asdict
 
     from granular_lmp.rest.remarks import law_words
@@ -134,7 +138,7 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
 
 
 def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":
-    """Yield the lines of check, each with the word that it begins with."""
+    """Yield the lines of check, each after its first word."""
     from granular_lmp.rest.remarks import law_words
 
     scene, scale = problem.scene, problem.scene.scale
@@ -164,8 +168,8 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
 
 
 def _of_cost(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":
-    """Yield the lines of what a run takes: steps, time on how many ranks, checkpoints and memory."""
-    runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
+    """Yield the lines on the cost of a run: steps, time by ranks, checkpoints and memory."""
+    runs = f" in {found.runs} runs, or more if their errors require it" if found.runs > 1 else ""
     of = f" of {len(problem.rest.recorded)} spheres" if problem.wave is None else f", {found.snapshots} snapshots"
     yield "steps", f"{found.steps}{runs}; {found.records} records{of}"
     seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
@@ -187,7 +191,7 @@ def _of_cost(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]
 
 
 def _defaults(scene: "Scene") -> dict[str, object]:
-    """Return key → default for keys that a scene leaves out, and whose default depends on whether it has a wave."""
+    """Return key → default for keys that a scene leaves out and whose default depends on the kind of scene."""
     from granular_lmp.scene.json_schema import keys
     from granular_lmp.scene.without_wave import NOT_HELD, WAVE
 
@@ -203,7 +207,7 @@ def _defaults(scene: "Scene") -> dict[str, object]:
 
 
 def _of_rest(problem: "Problem") -> "Iterator[tuple[str, str]]":
-    """Yield the lines of a chain that is pressed together."""
+    """Yield the lines on a compressed chain."""
     if rest := problem.rest.pressed:
         force, residual = rest["contact_force_over_impact"], rest["residual_force_over_impact"]
         yield "at rest", f"{force:.3g} of the force of the impact, m v/t0; rounding leaves {residual:.1g} of it"
@@ -224,7 +228,7 @@ def _build(options: Options) -> int:
     scene = scene_of(options)
     deck = build(scene)
     folder = options.output or f"decks/{scene.name}"
-    with locked(Path(folder).absolute(), make=True, force=options.force):  # not into a run that is at work
+    with locked(Path(folder).absolute(), make=True, force=options.force):  # not into the folder of a run in progress
         clear(Path(folder).absolute())
         deck.write(folder, force=True)
     say(f"{folder}: {', '.join(deck.files())}")
@@ -261,7 +265,7 @@ def _effects(options: Options) -> int:
     for number, each in enumerate(problem.sources, 1):
         say(f"{f'source {number}':17}{'on':5}{'-':17}{f'+{each.cost}':9}{each.words}")
     if problem.sources:
-        say("A source takes the time of as many more spheres.")
+        say("A source takes as much time as this number of spheres.")
     if law := law_words(scene.material, scene.effects):
         say(f"{law}.")
     say("The run fails if an effect that was left out occurs.")

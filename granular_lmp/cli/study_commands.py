@@ -1,4 +1,4 @@
-"""Commands that do many runs, or runs of another kind: sweep, scatter, cost, kick, collide."""
+"""Commands for many runs, or runs of another kind: sweep, scatter, cost, kick, collide."""
 
 import argparse
 from math import inf
@@ -26,7 +26,7 @@ def add_to(commands: Commands) -> None:
         commands,
         "sweep",
         _sweep,
-        "run a scene with every combination of some values; called again, continue a stopped sweep",
+        "run a scene with every combination of some values; the same command continues a stopped sweep",
     )
     scene_arguments(sweep)
     sweep_arguments(sweep, "-m granular_lmp sweep ...", required=True)
@@ -37,17 +37,17 @@ def add_to(commands: Commands) -> None:
         commands,
         "scatter",
         _scatter,
-        "run a scene with and without its inclusions: what passes them and what comes back",
+        "run a scene with and without its inclusions, to find the transmitted and reflected waves",
     )
     scene_arguments(scatter)
     folder_arguments(scatter, "study folder (default: scatter/NAME)")
     scatter.add_argument(
-        "--tones", type=positive, default=0, metavar="N", help="frequencies of a burst that are run as tones too"
+        "--tones", type=positive, default=0, metavar="N", help="frequencies of a burst that also run as tones"
     )
 
     kernel_argument(scatter)
 
-    cost = add(commands, "cost", _cost, "find out what accuracy costs: each setting of a run, seconds against error")
+    cost = add(commands, "cost", _cost, "measure the error and the time of each setting of a run")
     scene_arguments(cost)
     cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
     cost.add_argument("--repeats", type=positive, metavar="N", help="rounds (default: 5)")
@@ -55,21 +55,21 @@ def add_to(commands: Commands) -> None:
         "--budget",
         type=_seconds,
         metavar="SECONDS",
-        help="start no run later than this; the same command continues, with a budget of its own",
+        help="start no run after this time; the same command continues, with a new budget",
     )
     cost.add_argument(
         "--accuracy",
         type=_accuracy,
         metavar="ERROR",
-        help="say the fastest setting with this relative error, for instance 0.01, and the options that give it",
+        help="print the fastest setting with this relative error, for instance 0.01, and its options",
     )
 
     kernel_argument(cost)
 
     collide = add(
-        commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide: one contact at work"
+        commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide, to test one contact"
     )
-    collide.add_argument("scene", metavar="SCENE", help="TOML file, or name of one in lammps_inputs/collisions")
+    collide.add_argument("scene", metavar="SCENE", help="TOML file, or the name of a collision of `granular-lmp list`")
     changes_argument(collide, "collision.spin=100")
     folder_arguments(collide, "run folder (default: runs/NAME)")
     kernel_argument(collide)
@@ -82,8 +82,8 @@ def sweep_arguments(parser: argparse.ArgumentParser, program: str, *, required: 
         action="append",
         required=required,
         metavar="KEY=VALUES",
-        help="values of one key, wave.wavenumber=0.1:3.1:61 (first, last, how many), wave.mode=TR,RT or, of an impact, "
-        "striker.1.velocity=0.1,1; may be given more than once: every combination is run",
+        help="values of one key, wave.wavenumber=0.1:3.1:61 (first, last, number), wave.mode=TR,RT or, for an "
+        "impact, striker.1.velocity=0.1,1; may be given more than once: every combination is run",
     )
     parser.add_argument(
         "--workers",
@@ -122,7 +122,7 @@ def _sweep(options: Options) -> int:
 
 
 def sweep_of(options: Options, **how: Any) -> int:
-    """Run the sweep that is asked for, on LAMMPS or on an engine, and say how it went; return the exit status."""
+    """Run the sweep of the command line with LAMMPS or an engine, report on it, and return the exit status."""
     from granular_lmp.studies.executors import Workers, mpi_workers
     from granular_lmp.studies.sweep import sweep
     from granular_lmp.studies.sweep_points import axes
@@ -191,8 +191,8 @@ def _collide(options: Options) -> int:
         say("the bodies stick together")
     if collision.law.late and collision.contact.parting == "load":
         remark(
-            "note: LAMMPS ends the contact at the largest pull, and loses half of the energy of JKR's theory; "
-            'contact.parting = "distance" with the kernel loses all'
+            "note: LAMMPS ends the contact at the largest pull and loses half of the energy that JKR theory loses; "
+            'contact.parting = "distance" with the kernel loses all of it'
         )
     say(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
     for name, value in result.numbers().items():

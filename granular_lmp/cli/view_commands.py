@@ -1,4 +1,4 @@
-"""Commands that look at what is there: view, front, export."""
+"""Commands on existing runs: view, front, export."""
 
 import argparse
 from pathlib import Path
@@ -16,76 +16,83 @@ if TYPE_CHECKING:
 
 def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
-    view = add(commands, "view", _view, "draw a run, with its spheres if it holds snapshots of them, or a sweep")
-    view.add_argument("folder", metavar="DIR", help="a run folder or a sweep folder; with --at-rest also a scene")
+    view = add(commands, "view", _view, "draw a run, with its spheres if it has snapshots, or a sweep")
+    view.add_argument("folder", metavar="DIR", help="run folder or sweep folder; with --at-rest also a scene")
     view.add_argument(
         "-o",
         "--output",
         metavar="FILE",
         required=True,
-        help="PNG, PDF or SVG; of a run also a movie, GIF or MP4, or a page, HTML",
+        help="PNG, PDF or SVG; for a run also a movie (GIF or MP4) or a page (HTML)",
     )
     view.add_argument(
-        "--tau", type=float, help="of a run: which snapshot (default: the last), in t0; of adopted dumps in s"
+        "--tau", type=float, help="for a run: time of the snapshot in t0 (default: the last); for adopted dumps in s"
     )
     view.add_argument(
         "--colour",
-        help="of a run: rotation, energy, speed, displacement (its magnitude), p, q, x, y or z (default: rotation, "
-        "where spheres turn, and speed without a wave)",
+        help="for a run: rotation, energy, speed, displacement (its magnitude), p, q, x, y or z (default: "
+        "rotation if spheres turn; speed without a wave)",
     )
-    view.add_argument("--magnify", type=float, metavar="X", help="of a run: displacements and angles X times as large")
+    view.add_argument("--magnify", type=float, metavar="X", help="for a run: factor for displacements and angles")
     view.add_argument(
         "--rows",
         type=positive,
         metavar="N",
-        help="of a run: rows around the centre (default: 25 of a wave, all of a push or a strike)",
+        help="for a run: rows around the centre (default: 25 for a wave, all for a push or a strike)",
     )
     view.add_argument(
         "--fronts",
         action="store_true",
-        help="of a run with bursts: where their L, TR and RT waves are by the group velocities of the crystal",
+        help="for a run with bursts: places of their L, TR and RT waves by the group velocities of the crystal",
     )
     view.add_argument(
         "--side",
         metavar="SIDE",
-        help="of a run in space: seen from the top, or from the end of an axis: top, x or y (default: x of a wave)",
+        help="for a run in space: seen from the top, or from the end of an axis: top, x or y (default: x for a wave)",
     )
     view.add_argument(
         "--at-rest",
         action="store_true",
-        help="of a scene whose spheres differ: the crystal at rest, with the forces of its contacts",
+        help="for a scene with unequal spheres: the crystal at rest, with its contact forces",
     )
-    view.add_argument("--fps", type=float, metavar="N", help="of a movie: frames a second (default: 10)")
-    view.add_argument("--size", type=_size, metavar="WIDTHxHEIGHT", help="pixels of the picture, as 1280x720")
-    view.add_argument("--monitor", metavar="NAME", help="of a run: what this monitor recorded, over time")
-    view.add_argument("--column", help="of a sweep: a column of sweep.csv (default: largest_p, of impacts far_speed)")
+    view.add_argument("--fps", type=float, metavar="N", help="for a movie: frames per second (default: 10)")
+    view.add_argument(
+        "--size", type=_size, metavar="WIDTHxHEIGHT", help="size of the picture in pixels, for instance 1280x720"
+    )
+    of_monitor = "for a run: the record of this monitor over time; for adopted dumps their contacts"
+    view.add_argument("--monitor", metavar="NAME", help=of_monitor)
+    view.add_argument("--column", help="for a sweep: a column of sweep.csv (default: largest_p; far_speed for impacts)")
 
-    front = add(commands, "front", _front, "tell when the front of a strike or a source arrives, and how fast it is")
+    front = add(commands, "front", _front, "find arrival times and speed of the front of a strike or a source")
     front.add_argument("folder", metavar="DIR", help="a run folder")
     front.add_argument(
-        "--monitor", metavar="NAME", help="by what this monitor recorded (default: the record, or the snapshots)"
+        "--monitor",
+        metavar="NAME",
+        help="use the record of this monitor (default: the record of the run, or the snapshots)",
     )
     front.add_argument(
         "--origin",
         type=_place,
         metavar="ROW,COLUMN",
-        help="sphere where it starts (default: what is struck or pushed); of an unnamed crystal its ID",
+        help="sphere where the front starts (default: what is struck or pushed); in an unnamed crystal the ID",
     )
     front.add_argument(
-        "--direction", type=float, default=90.0, metavar="DEGREES", help="its way, from x towards y (default: 90)"
+        "--direction", type=float, default=90.0, metavar="DEGREES", help="direction, from x towards y (default: 90)"
     )
     front.add_argument(
         "--of",
         choices=("speed", "along", "across"),
         default="speed",
-        help="what has the crest: speed, or velocity along the way (longitudinal) or across it (default: speed)",
+        help="signal with the crest: speed, or velocity along (longitudinal) or across the direction (default: speed)",
     )
-    front.add_argument("--between", type=_distances, metavar="NEAR:FAR", help="only spheres at these distances, m")
+    front.add_argument(
+        "--between", type=_distances, metavar="NEAR:FAR", help="use use only spheres at these distances, m"
+    )
     front.add_argument("-o", "--output", metavar="FILE", help=".csv: arrival at each sphere, with its error, in SI")
     json_argument(front)
 
-    export = add(commands, "export", _export, "write a run for other programs: SI units, xarray, OVITO, ASE, HDF5")
-    export.add_argument("folder", metavar="DIR", help="a run folder; with --spheres also a scene")
+    export = add(commands, "export", _export, "write a run for other programs, in SI units: xarray, OVITO, ASE, HDF5")
+    export.add_argument("folder", metavar="DIR", help="run folder; with --spheres also a scene")
     export.add_argument(
         "-o",
         "--output",
@@ -95,7 +102,9 @@ def add_to(commands: Commands) -> None:
         ".xyz: extended XYZ of the snapshots; .h5md: the snapshots as HDF5; crate, or .zip: a Process Run Crate",
     )
     export.add_argument(
-        "--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units; contacts of adopted dumps"
+        "--monitor",
+        metavar="NAME",
+        help="the record of this monitor, as .csv in SI units; or the contacts of adopted dumps",
     )
     export.add_argument(
         "--spheres",
@@ -125,7 +134,7 @@ def _size(text: str) -> tuple[int, int]:
     """Return width and height of "1280x720"."""
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal()):
-        raise argparse.ArgumentTypeError(f"{text!r}: must be width and height in pixels, as 1280x720")
+        raise argparse.ArgumentTypeError(f"{text!r}: must be width and height in pixels, such as 1280x720")
     return int(width), int(height)
 
 

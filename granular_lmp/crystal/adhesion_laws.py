@@ -306,7 +306,7 @@ class Jkr(AdhesionLaw):
     def above_pull_off(self, x: str, load: float, holding: float) -> str:
         """Return a parabola in LAMMPS's words that touches zero where f_N + F does.
 
-        It is below f_N + F for all overlaps up to that under the load (tests/theory/test_adhesion_laws.py).
+        It is below f_N + F for all overlaps up to that under the load.
         """
         hold = abs(float(self.pull_off_overlap)) / float(self.overlap_under(load))
         return f"{holding!r}*(({x}+{hold!r})/(1+{hold!r}))^2"

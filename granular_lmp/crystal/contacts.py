@@ -1,20 +1,20 @@
 """Contacts of a crystal at rest, found from its geometry: pairs of spheres, stiffnesses and forces.
 
-Two elastic spheres at an overlap δ push each other, by the DMT law, with f_N = A δ^{3/2} − F and, after a slip ξ, with
-f_S = B ξ δ^{1/2},
+Two elastic spheres at an overlap δ have, by the DMT law, the normal force f_N = A δ^{3/2} − F and, after a slip ξ, the
+shear force f_S = B ξ δ^{1/2},
 
     A = (4/3) E* √Rc,    B = 8 G* √Rc,    F = 2π w Rc
     1/E* = (1−νi²)/Ei + (1−νj²)/Ej,    1/G* = (2−νi)/Gi + (2−νj)/Gj,    Rc = Ri Rj/(Ri + Rj),    w = √(wi wj)
 
 with G = E/(2(1+ν)). For equal spheres these are the constants of `granular_lmp.crystal.sphere.Sphere`. Between two
-materials E* and G* are those of contact mechanics (Johnson, Contact Mechanics (1985), sections 4.2 and 7.2), and for w
-the geometric mean is a convention, that of LAMMPS's ``pair_style granular``. LAMMPS has the same E* and w if it mixes
-two types itself, but another G*: the style ``mindlin`` with the stiffness NULL takes the mixed modulus for that of
-either sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials therefore need their own ``pair_coeff``
-(``tests/validation/test_two_materials.py`` measures both). The JKR law has the same constants, in
-`granular_lmp.crystal.adhesion_laws`; all materials of a crystal have one law.
+materials E* and G* are those of contact mechanics (Johnson, Contact Mechanics (1985), sections 4.2 and 7.2), and the
+geometric mean for w is the convention of ``pair_style granular`` in LAMMPS. If LAMMPS mixes two types itself it has the
+same E* and w, but another G*: the style ``mindlin`` with the stiffness NULL takes the mixed modulus for that of either
+sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials therefore need their own ``pair_coeff`` (a test
+in LAMMPS measures both). The JKR law has the same constants, in `granular_lmp.crystal.adhesion_laws`; all materials of
+a crystal have one law.
 
-Everything in `Contacts` is in SI units; the crystal's own lengths are in radii of its first material.
+`Contacts` uses SI units; lengths of the crystal are in radii of its first material.
 """
 
 from collections.abc import Iterator, Sequence
@@ -47,8 +47,8 @@ class Contacts:
     Attributes
     ----------
     i, j : (C,) int arrays
-        The two spheres of each contact; i = j where a sphere touches its own periodic image, j = −1 where i touches a
-        rigid wall at rest.
+        The two spheres of each contact; i = j if a sphere touches its own periodic image, j = −1 if i touches a rigid
+        wall at rest.
     vector : (C, 3) array
         Vector from the centre of i to that of j across periodic faces, or to the foot point on the wall, m.
     overlap : (C,) array
@@ -56,9 +56,9 @@ class Contacts:
     normal_stiffness, shear_stiffness : (C,) arrays
         Derivatives of f_N by the overlap, (3/2) A √δ in DMT, and of f_S by the slip, B √δ in DMT; N/m.
     adhesive_force : (C,) array
-        Pull F that parts the two spheres, N; the adhesive force of the DMT law.
+        Pull F that separates the two spheres, N; the adhesive force of the DMT law.
     contact_force : (C,) array
-        Prestress f_N, N: the force that presses the two spheres together at rest.
+        Prestress f_N, N: the force between the two spheres at rest.
     radius, mass : (N,) arrays
         Radius and mass of the spheres, m and kg.
 
@@ -86,7 +86,7 @@ class Contacts:
         return len(self.i)
 
     def parts(self) -> "Iterator[Contacts]":
-        """Yield the contacts some at a time, in their order, each part with all spheres."""
+        """Yield the contacts in parts, in order, each part with all spheres."""
         per_contact = [each.name for each in fields(self) if each.name not in ("radius", "mass")]
         for block in blocks(len(self)):
             yield replace(self, **{name: getattr(self, name)[block] for name in per_contact})
@@ -119,7 +119,7 @@ class Contacts:
 
     @cached_property
     def turns(self) -> Floats:
-        """Axes n × t about which spheres that turn move along each tangent, (C, 2, 3)."""
+        """Axes n × t of the rotations that move a surface along each tangent, (C, 2, 3)."""
         second = self.tangents[:, 1]  # n × t1
         return np.stack([second, np.cross(self.normals, second)], axis=1)
 
@@ -138,8 +138,8 @@ class Contacts:
 def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force: float | None = None) -> Contacts:
     """Find the contacts of a crystal at rest, with any cell, basis, radii and materials, periodic or not.
 
-    They are between spheres that overlap. JKR contacts that are stretched beyond are not seen from places alone: those
-    of a crystal that was brought to rest are in its `granular_lmp.crystal.equilibrium.Equilibrium.contacts`.
+    Contacts are found between spheres that overlap. Places do not show JKR contacts that are stretched beyond overlap
+    0; for a relaxed crystal they are in `granular_lmp.crystal.equilibrium.Equilibrium.contacts`.
 
     Parameters
     ----------
@@ -149,8 +149,8 @@ def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force
     materials : sequence of Sphere
         Moduli, work of adhesion and density of each material; the radius of the first is the unit of length.
     contact_force : float, optional
-        Force f_N of every contact, N, if it is the same for all as in a perfect lattice. The overlaps then follow from
-        the force to the last digit, and the positions, which hold 12 digits of an overlap, only decide the pairs.
+        Force f_N of every contact, N, if it is equal for all, as in a perfect lattice. The force then gives the
+        overlaps to the last digit, while the positions, which hold 12 digits of an overlap, only determine the pairs.
 
     Returns
     -------
@@ -159,8 +159,8 @@ def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force
     Raises
     ------
     ValueError
-        If the overlaps of the positions differ from those that `contact_force` makes, or two materials have other
-        adhesion laws.
+        If the overlaps of the positions differ from those of `contact_force`, or two materials have different adhesion
+        laws.
     """
     unit = materials[0].radius
     i, j, vector = overlapping(crystal)

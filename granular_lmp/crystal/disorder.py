@@ -1,12 +1,12 @@
-"""Crystals that are not perfect: spheres of unequal size, density or material, and places that are empty.
+"""Imperfect crystals: spheres of unequal size, density or material, and empty places.
 
-The functions here leave every sphere at its place in the lattice, where it is not at rest any more;
-`granular_lmp.crystal.equilibrium` brings it there.
+The functions here leave every sphere at its place in the lattice, where it is no longer at rest;
+`granular_lmp.crystal.equilibrium` relaxes the crystal.
 
 Sphere s has the radius R (1 + σ g_s) with a Gaussian deviate g_s, drawn again where it lies beyond 3; densities have
-deviates of their own. The deviates depend on the seed and on the number of spheres alone: another σ with the same seed
-scales the same deviations, and a larger share of vacancies leaves out the same spheres and more. They come from NumPy's
-legacy generator, whose streams are frozen, so that a seed gives the same crystal with every version of NumPy.
+separate deviates. The deviates depend only on the seed and the number of spheres: another σ with the same seed scales
+the same deviations, and a larger share of vacancies leaves out the same spheres and more. They come from the legacy
+generator of NumPy, whose streams are frozen, so a seed gives the same crystal with every version of NumPy.
 """
 
 from collections.abc import Sequence
@@ -51,9 +51,9 @@ class Disorder:
     ----------
     radius, density : float
         Relative standard deviations σ, in [0, 1/3): no sphere then vanishes. `LARGEST_OVERLAP` limits radii further, to
-        a σ of some 0.04. Good values: radii of microspheres spread by 0.01 to 0.03.
+        a σ of about 0.04. Good values: radii of microspheres spread by 0.01 to 0.03.
     vacancies : float
-        Share of the free spheres that is left out, in [0, 1).
+        Share of the free spheres that are left out, in [0, 1).
     seed : int
         0 to 2^32 − 1.
     stiffness : float
@@ -78,27 +78,27 @@ class Disorder:
 
 @dataclass(frozen=True)
 class Inclusion:
-    """Spheres that differ from the others in a given way, or are not there.
+    """Spheres that differ from the others in a given way, or are missing.
 
     Attributes
     ----------
     rows : (first, last)
         All spheres of these rows and of those between, counted from 0.
     every : int
-        Of these rows the first and each so many after it: 2 makes layers of two kinds in turn.
+        Every n-th of these rows, starting with the first: 2 makes alternating layers of two kinds.
     spheres : sequence of (row, column)
     disc : (row, column, radius)
-        All spheres whose places are within the radius, lattice constants, of that of a sphere.
+        All spheres whose places are within this radius, in lattice constants, of the place of a sphere.
     half_plane : (row, column, degrees)
-        All spheres on the left of the line, or on it, that runs through the place of a sphere in this direction from x
-        towards y: 0 takes the rows from this one on. The line ends at the sides of a periodic cell.
+        All spheres left of a line, or on it. The line runs through the place of a sphere, in this direction from x
+        towards y: 0 takes the rows from this one on. It ends at the sides of a periodic cell.
     share : float
-        Share of the free spheres, in [0, 1], drawn by the seed of the disorder.
+        Share of the free spheres, in [0, 1], selected at random by the seed of the disorder.
     layers : (first, last)
-        Layers along z, counted from 0, to which all of these are confined; alone, all spheres in them. A crystal of
-        several layers needs one for single spheres and discs.
+        Layers along z, counted from 0, that contain all of these; without other keys, all spheres in them. Single
+        spheres and discs need a layer in a crystal of several layers.
     radius, density, youngs_modulus, poisson_ratio, work_of_adhesion : float, optional
-        What differs; SI units.
+        Values that differ, in SI units.
     vacancy : bool
         True if the places are empty.
     """
@@ -119,12 +119,12 @@ class Inclusion:
 
     @property
     def whole_rows(self) -> bool:
-        """True if the spheres of a row and a layer are all its own or none."""
+        """True if it includes all spheres of a row in a layer, or none."""
         return not (self.spheres or self.disc or self.half_plane or self.share)
 
     @property
     def of_material(self) -> dict[str, float]:
-        """Constants that differ in the material."""
+        """Constants of the material that differ."""
         return {name: getattr(self, name) for name in _MATERIAL if getattr(self, name) is not None}
 
 
@@ -138,7 +138,7 @@ def imperfect(
     table: SphereTable = NO_TABLE,
     recorded: int | None = None,
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
-    """Return a lattice with other spheres and empty places, every sphere at its place, and its materials.
+    """Return a lattice with unequal spheres and empty places, each sphere at its place, and its materials.
 
     Parameters
     ----------
@@ -150,28 +150,28 @@ def imperfect(
     inclusions : sequence of Inclusion
         Later ones win. A radius or a density of an inclusion is the mean from which its spheres deviate.
     table : SphereTable, optional
-        Values of single places. Inclusions replace those that they declare, and spheres deviate from what is left.
+        Values of single places. Inclusions replace the values that they declare, and random deviations come on top.
     pairs : sequence of Pair
-        Measured stiffnesses of two kinds. Spheres of a kind that they name have a material of their own.
+        Measured stiffnesses between two kinds. Spheres of a kind in a pair have a separate material.
     recorded : int, optional
-        Index of a sphere that must be there: no vacancy is drawn at its place.
+        Index of a sphere that must be present: no random vacancy is at its place.
 
     Returns
     -------
     crystal : ase.Atoms
         With the arrays of the lattice and ``density`` (kg/m³), ``material`` and ``site``, the index in the lattice.
-        Free spheres that vacancies have left without any neighbour are left out too: nothing would hold them.
-        ``crystal.info["isolated"]`` counts them, and ``crystal.info["disorder"]`` holds the spreads and the seed,
-        ``crystal.info["factors"]`` those of contacts, if pairs, a table or a spread of stiffnesses ask for any.
+        Free spheres that vacancies leave without a neighbour are left out too, as nothing would hold them.
+        ``crystal.info["isolated"]`` counts them, ``crystal.info["disorder"]`` holds the spreads and the seed, and
+        ``crystal.info["factors"]`` the factors of contacts, if pairs, a table or a spread of stiffnesses need them.
     materials : tuple of Sphere
         By index, the sphere of the lattice first.
 
     Raises
     ------
     CrystalError
-        When an inclusion names a place that the lattice has not, or changes nothing; when a share is less than half a
-        sphere; when a held sphere, the recorded one or every free one is left out; when two spheres have one place, or
-        overlap by more than `LARGEST_OVERLAP`.
+        If an inclusion names a place outside the lattice, or changes nothing; if a share is less than half a sphere; if
+        a held sphere, the recorded sphere or every free sphere is left out; if two spheres have one place, or overlap
+        by more than `LARGEST_OVERLAP`.
     """
     disorder = disorder or Disorder()
     held = np.asarray(lattice.arrays["fixed"], dtype=bool)

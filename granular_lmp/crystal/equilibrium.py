@@ -1,36 +1,36 @@
-"""Crystals at rest: spheres let go at their places in a lattice move until no force is left on any of them.
+"""Relaxation of a crystal: spheres released at their places in a lattice move until all forces balance.
 
-Adhesion makes the rest depend on the way to it: two spheres that have parted do not come together again, and each of
-the many arrangements of open and closed contacts in which all forces balance is a crystal at rest. So the way is part
-of the crystal. Here it is:
+With adhesion the rest depends on the way to it: two spheres that have separated do not come together again, and all
+forces can balance in many arrangements of open and closed contacts. So the way is part of the definition of the
+crystal:
 
 1. *Let go.* The spheres start at rest at their places in the lattice and move against a drag. In units of the contact
-   between two spheres of the first material every sphere has the mass 1 and the drag coefficient 1. They are then
-   damped nearly critically. The box is heavy, with an inertia of 100 N (2R)², and damped so that it does not swing:
-   it breathes slowly against the motion of the spheres, in a crystal of any size.
-2. *Balance.* Once the root mean square force is small, damped Newton steps, each of which lowers the energy, end at
-   the rest, or steps in which the spheres around each contact that parts are let go again: large crystals take a fifth
+   between two spheres of the first material every sphere has mass 1 and drag coefficient 1, which damps nearly
+   critically. The box is heavy, with an inertia of 100 N (2R)², and damped so that it does not oscillate: it changes
+   slowly compared with the spheres, in a crystal of any size.
+2. *Balance.* Once the root mean square force is small, damped Newton steps, each of which lowers the energy, lead to
+   the rest. Alternatively the spheres around each contact that opens are let go again: large crystals then take a fifth
    to a third of the time, and get other contacts (`granular_lmp.crystal.balance`).
 
-LAMMPS does not do this sooner. Of 1e4 spheres with s = 2 and 4 its damped motion (``nve``, ``viscous`` and
-``press/berendsen``) and the Newton steps that are needed after it take 6.4 and 8.5 s of processor time, the way above
-4.7 and 8.5 s, and 4 and 9 % of the contacts become others. ``min_style fire`` knows no box that breathes. In one that
-stays it takes 19 s at s = 0.4 for forces that are still above `BALANCED`, where the way above takes 0.5 s.
+LAMMPS is not faster. For 1e4 spheres with s = 2 and 4 its damped motion (``nve``, ``viscous`` and ``press/berendsen``)
+with the necessary Newton steps takes 6.4 and 8.5 s of processor time, the method above 4.7 and 8.5 s, and 4 and 9 % of
+the contacts differ. ``min_style fire`` does not support a box that relaxes. In a fixed box it takes 19 s at s = 0.4,
+with forces still above `BALANCED`, where the method above takes 0.5 s.
 
-Spheres do not rub or turn on this way. With a coefficient of friction they are let go twice: first with shear springs
-that slide at Coulomb's limit (`granular_lmp.crystal.friction`), and again without, as above, from where they have
-settled. The springs are given up between because LAMMPS starts every contact without shear: places at which they bear a
-part of the load would not be at rest there. At rest no torque is left, since no contact bears shear.
+The relaxation has no friction or rotation. With a coefficient of friction the spheres are let go twice: first with
+shear springs that slide at the Coulomb limit (`granular_lmp.crystal.friction`), then without, as above, from their new
+places. The springs are removed in between because LAMMPS starts every contact without shear, so places where springs
+carry a part of the load would not be at rest. The final rest has no torques, since no contact has shear.
 
-A crystal that was pressed, dried or shaken before has other contacts: to start from a compressed crystal, hand over one
-whose places and cell are scaled by less than 1, and to start from a rest in a box that stays, the ``crystal`` of that
+A crystal that was compressed, dried or shaken before has other contacts. To start from a compressed crystal, pass one
+whose places and cell are scaled by less than 1; to start from the rest in a fixed box, pass the ``crystal`` of that
 rest. The case "disorder" compares them.
 
-A crystal is the same to the last bit on one machine. Between machines rounding can decide where two contacts are
-equally near to parting: of twelve crystals of 1020 spheres with s from 0.8 to 12, one with s = 12 got other contacts
-with OpenBLAS's kernels for another processor. In the others spheres with two contacts or more were within 4e-8 Δ0 of
-the same places; a sphere with a single contact rolls without any force, and was within 2e-5 Δ0. Of twelve crystals of
-other seeds all kept their contacts, and one with s = 12 had places 4e-7 Δ0 apart.
+A crystal is the same to the last bit on one machine. Between machines rounding can decide which of two contacts opens
+first: of twelve crystals of 1020 spheres with s from 0.8 to 12, one with s = 12 got other contacts with OpenBLAS
+kernels for another processor. In the others, spheres with two or more contacts agreed to 4e-8 Δ0; spheres with a single
+contact, which roll without force, to 2e-5 Δ0. Twelve crystals with other seeds all kept their contacts, and one with s
+= 12 had places 4e-7 Δ0 apart.
 """
 
 from collections.abc import Sequence
@@ -140,7 +140,7 @@ def relax(
     space: bool = False,
     progress: Progress | None = None,
 ) -> Equilibrium:
-    """Return the rest that a crystal comes to when its spheres are let go at their places; see the module.
+    """Return the rest that a crystal reaches after its spheres are let go at their places; see the module.
 
     Parameters
     ----------
@@ -149,18 +149,19 @@ def relax(
     materials : sequence of Sphere
         By index. The contact force of the first is that of its lattice.
     box : "box" or "fixed"
-        Whether the box changes its size, along periodic axes and between held spheres, or stays.
+        Whether the box changes its size, along periodic axes and between held spheres, or is fixed.
     load : (2,) or (3,) array, optional
-        T of `granular_lmp.crystal.potential.box_load`, N m, with which the box is pressed; needed where the lattice is
-        compressed and the box changes its size, else 0.
+        Load T on the box, N m (`granular_lmp.crystal.potential.box_load`); needed if the lattice is compressed and the
+        box changes its size, else 0.
     friction : float
-        Coefficient μ of Coulomb friction, at least 0, of a first letting go with the shear springs of
-        `granular_lmp.crystal.friction`; 0 leaves it out. The springs are released before the spheres come to rest, as
-        LAMMPS starts every contact without shear: friction changes which contacts there are, and no force at rest.
+        Coefficient μ ≥ 0 of Coulomb friction in a first relaxation with the shear springs of
+        `granular_lmp.crystal.friction`; 0 omits it. The springs are removed before the final rest, as LAMMPS starts
+        every contact without shear: friction changes which contacts exist, but no force law at rest.
     by : "whole" or "avalanches"
-        Whether Newton steps of the whole crystal end at the rest, or steps that let the spheres of each avalanche go.
+        Whether the rest is reached by Newton steps of the whole crystal, or by letting the spheres of each avalanche
+        go.
     faces : sequence of Face, optional
-        Walls beside the crystal. Spheres that touch one at their places are let go where they touch it, whatever their
+        Walls beside the crystal. Spheres that touch a wall at their places start in touch with it, whatever their
         radius: those of a layer lie on their substrate.
     space : bool
         True if spheres may leave the plane.
@@ -171,15 +172,15 @@ def relax(
     Raises
     ------
     CrystalError
-        When the crystal cannot be at rest, or is not after the steps of `granular_lmp.crystal.balance`; for friction in
-        space or beside walls, which is not known.
+        If the crystal cannot be at rest, or is not at rest after the steps of `granular_lmp.crystal.balance`; for
+        friction in space or beside walls, which is not supported.
 
     Notes
     -----
-    A crystal that is at rest already, such as a perfect lattice, is returned as it is. Good values: spreads of
-    2R up to a few Δ0. Beyond, contacts part and form in long sequences, which take hundreds of Newton steps, and from
-    some 40 Δ0 on the stored energy flings spheres apart: crystals then differ much by seed.
-    Spheres without friction that are compressed flow into vacancies unless adhesion holds them.
+    A crystal at rest, such as a perfect lattice, is returned unchanged. Good values: spreads of 2R up to a few Δ0.
+    Beyond, contacts open and form in long sequences, which take hundreds of Newton steps, and from about 40 Δ0 on the
+    stored energy throws spheres apart: crystals then depend strongly on the seed. Compressed spheres without friction
+    flow into vacancies unless adhesion holds them.
     """
     if box not in BOXES:
         raise CrystalError(f"packing.relax = {box!r}: must be one of {', '.join(BOXES)}")

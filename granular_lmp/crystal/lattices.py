@@ -1,11 +1,11 @@
-"""Lattices of equal touching spheres at rest, as `ase.Atoms`: the unit cell and the packing of each.
+"""Lattices of equal touching spheres at rest, as `ase.Atoms`: their unit cells and packings.
 
-**Lengths are in radii R**: ASE, which thinks in Å and draws cells in steps of a fraction of one, then shows spheres of
-5 mm as well as of 50 nm. Touching spheres are a lattice constant a = 2R − Δ0 apart.
+**Lengths are in radii R**, so that ASE, which expects lengths of order 1, shows spheres of 5 mm as well as of 50 nm.
+Touching spheres are a lattice constant a = 2R − Δ0 apart.
 
-Rows along x are stacked along y. A `Lattice` holds how, and the places of the spheres of its cell: what is `HEXAGONAL`,
-`SQUARE` or `CHAIN` is known here and, for directions other than y in the hexagonal lattice, in
-`granular_lmp.crystal.wavevector`. Others ask it for distances, wave vectors and `offsets`.
+Rows along x are stacked along y. A `Lattice` holds the stacking and the places of the spheres of its cell. Only this
+module and, for directions other than y in the hexagonal lattice, `granular_lmp.crystal.wavevector` depend on the kind
+of lattice; other code reads distances, wave vectors and `offsets`.
 """
 
 from dataclasses import replace
@@ -54,9 +54,9 @@ class Shape:
         Whether the packing ends along y.
     lattice : Lattice
     first, last : "held", "free" or "wall"
-        The first and the last row where it ends.
+        Kind of the first and the last row, if the packing ends.
     sides : "periodic", "held", "free" or "wall"
-        The first and the last column of a sheet; a chain has none.
+        Kind of the first and the last column of a sheet; a chain has none.
     layers : int
         Layers along z.
     """
@@ -87,23 +87,23 @@ class Shape:
 
     @property
     def faces(self) -> dict[str, str]:
-        """Kind of each face, by "first", "last" and "sides"; without those across which the packing is periodic."""
+        """Kind of each face, by "first", "last" and "sides"; periodic faces are left out."""
         along_y = {} if self.along_y else {"first": self.first, "last": self.last}
         return along_y | ({"sides": self.sides} if self.lattice.sheet and not self.along_x else {})
 
     @property
     def free(self) -> tuple[str, ...]:
-        """The faces that are free."""
+        """Names of the free faces."""
         return tuple(name for name, face in self.faces.items() if face == FREE)
 
     @property
     def infinite(self) -> bool:
-        """True if held ends alone cut the lattice off, so that it is the infinite one until their echo."""
+        """True if only held ends cut the lattice off, so that it acts as the infinite lattice until their echo."""
         return not self.free and "sides" not in self.faces
 
     @property
     def cut(self) -> str:
-        """The faces in words: "fixed ends", "periodic ends, sides free", "first row free, last row held"."""
+        """Words for the faces: "fixed ends", "periodic ends, sides free", "first row free, last row held"."""
         rows = [f"first row {self.first}", f"last row {self.last}"]
         held = not {FREE, WALL} & {self.faces.get("first"), self.faces.get("last")}
         sides = [f"sides {self.sides}"] if "sides" in self.faces else []
@@ -111,11 +111,11 @@ class Shape:
 
     @property
     def edge(self) -> str:
-        """Name of what sends waves back: "walls" where nothing is free, else "faces"."""
+        """Name of what reflects waves: "walls" if no face is free, else "faces"."""
         return "faces" if self.free else "walls"
 
     def holds(self, row: Any, column: Any) -> Any:
-        """Return whether spheres are held, by row and column: numbers or arrays."""
+        """Return whether spheres are held, for rows and columns that are numbers or arrays."""
         at = {"first": row == 0, "last": row == self.rows - 1, "sides": (column == 0) | (column == self.columns - 1)}
         held = [at[name] for name, face in self.faces.items() if face == HELD]
         return np.logical_or.reduce([np.zeros(np.shape(row), dtype=bool), *held])
@@ -149,7 +149,7 @@ def lattice_constant(sphere: Sphere) -> float:
 
 
 def unit_cell(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> ase.Atoms:
-    """Return the primitive cell of a lattice, periodic along y, unless it is a chain along x, and in space along z."""
+    """Return the primitive cell of a lattice: periodic along y, along x except for a chain, and in space along z."""
     a, count = lattice_constant(sphere), lattice.cell_size
     shape = np.indices((lattice.cell_rows, lattice.column_period, lattice.cell_layers))
     row, column, layer = (index.ravel() for index in shape)
@@ -219,7 +219,7 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     Parameters
     ----------
     sphere : Sphere
-        Gives radius and lattice constant.
+        Sphere with radius and lattice constant.
     shape : Shape
         Rows, columns, faces and lattice: any number of rows between fixed ends, in a periodic cell a multiple of
         `Lattice.row_period`; columns a multiple of `Lattice.column_period`.

@@ -1,10 +1,10 @@
-"""The waves of a lattice by name: L, TR and RT, sagittal and shear-horizontal ones, and branches by their numbers.
+"""Waves of a lattice by name: L, TR and RT, sagittal and shear-horizontal waves, and numbered branches.
 
-In the plane a lattice of one sphere a cell has the waves L, TR and RT. In space it has them where z = const is a
-mirror, as the half of its six waves that stays in the plane. Where the plane of k and z is a mirror, as along the
-symmetry lines of a layer on a substrate, sagittal waves move along k and z and turn about the axis across, S1, S2, …,
-and shear-horizontal ones move across and turn about k and z, H1, H2, …, both lowest first. A branch has its number in
-every crystal. `granular_lmp.crystal.bloch` has the modes of any.
+In the plane a lattice with one sphere per cell has the waves L, TR and RT. In space it also has them if z = const is a
+mirror plane: they are the three of six waves that stay in the plane. If the plane of k and z is a mirror plane, as
+along the symmetry lines of a layer on a substrate, sagittal waves S1, S2, … move along k and z and turn about the axis
+normal to both; shear-horizontal waves H1, H2, … move along that axis and turn about k and z. Both are counted from the
+lowest. In every crystal branches have numbers. `granular_lmp.crystal.bloch` has the modes of any crystal.
 """
 
 from collections.abc import Sequence

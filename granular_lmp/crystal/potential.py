@@ -12,7 +12,7 @@ ridge and not a valley: at rest no pair is just about to part, and which pairs t
 
 A JKR contact ends beyond δ = 0 and begins there. On the way to rest it begins where it ends: spheres that come to rest
 within the pull-off distance of each other adhere, as if they had been pressed together before. The energy would not be
-a function of the places otherwise, and this is how LAMMPS is told of the contacts (``docs/adhesion-laws.md``).
+a function of the places otherwise, and this is how LAMMPS is told of the contacts (page Contact laws).
 
 **Digits.** An overlap is the small rest of a distance, 2.5e-4 of it between microspheres. Displacements are therefore
 kept apart from places, and the stretch of a pair is taken from the displacements, |d + w| − |d| = w·(2d + w)/(|d + w| +

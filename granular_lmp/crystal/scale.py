@@ -1,15 +1,15 @@
-"""The units of length and time in which a scene is measured: those of its spheres at rest, else those of an impact.
+"""Units of length and time of a scene: from its spheres at rest, or from an impact.
 
 Spheres that adhesion or compression holds together have an overlap at rest, Δ0, and the time t0 of their linear waves
-(`granular_lmp.crystal.sphere`). Spheres that just touch have neither. The scale of an impact, on spheres that touch or
-on a chain that is pressed together, is made by the velocity v of the fastest striker, with the mass m of a sphere and
-the coefficient A of the Hertz force A δ^{3/2} between two of them:
+(`granular_lmp.crystal.sphere`). Spheres that just touch have neither. For an impact, on touching spheres or on a
+compressed chain, the velocity v of the fastest striker, the mass m of a sphere and the coefficient A of the Hertz force
+A δ^{3/2} give the scale:
 
     ℓ = (m v²/A)^{2/5},   t0 = ℓ/v = (m²/(A² v))^{1/5},
 
-so that A = m = v = 1. The motion of spheres along a line is then the same at every velocity; that of a sheet too, but
-for turns of its contacts of the order of ℓ/R. Two equal spheres that meet with v overlap by 0.829 ℓ at most, and touch
-for 2.439 t0.
+so that A = m = v = 1. The motion of spheres along a line is then the same at every velocity; so is that of a sheet, up
+to rotations of its contacts of order ℓ/R. Two equal spheres that meet with v overlap by at most 0.829 ℓ, and touch for
+2.439 t0.
 """
 
 from math import gamma, pi, sqrt
@@ -70,12 +70,12 @@ class Scale:
         return r"\ell" if self.of_impact else r"\Delta_0"
 
     def force(self, length: float, stiffness: float) -> float:
-        """Return the unit of forces beside a length, N: m ℓ/t0² of an impact, else stiffness (N/m) times ℓ."""
+        """Return the unit of force for a unit of length, N: m ℓ/t0² in an impact, else stiffness (N/m) times ℓ."""
         return self.mass * length / self.time**2 if self.of_impact else stiffness * length
 
     @property
     def velocity(self) -> float:
-        """Velocity of one overlap in t0, m/s; in an impact that of the sphere that is the fastest at the beginning."""
+        """Velocity of one unit of length per t0, m/s; in an impact the fastest initial velocity."""
         return self.length / self.time
 
 

@@ -1,9 +1,8 @@
 """The search for overlapping pairs of spheres in a crystal with any cell, even one smaller than a sphere.
 
 The spheres and their periodic images are sorted into square bins as wide as the largest diameter, so that each sphere
-is compared only with those in the bins around its own. `ase.neighborlist` finds the same pairs
-(``tests/crystal/test_contacts.py``), but its import takes longer than the build of a deck, as it loads SciPy's sparse
-matrices.
+is compared only with those in the bins around its own. `ase.neighborlist` finds the same pairs, but its import takes
+longer than the build of a deck, as it loads SciPy's sparse matrices.
 """
 
 from collections.abc import Iterator

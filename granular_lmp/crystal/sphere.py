@@ -5,11 +5,10 @@ Two equal elastic spheres that touch through a DMT normal force and a Mindlin sh
     f_N(δ) = A δ₊^{3/2} − F,   F = 2π w Rc            (paper, eq. springN; Derjaguin, Muller & Toporov 1975)
     f_S(ξ, δ) = B ξ δ₊^{1/2}                           (paper, eq. springS; Mindlin 1949)
 
-with the overlap δ, the shear displacement ξ, A = (4/3) E* √Rc and B = 8 G* √Rc. A lattice that is compressed presses
-its spheres together with a force F0 at rest, which adhesion alone does not: the overlap at rest is
-Δ0 = ((F + F0)/A)^{2/3}. Without adhesion, F = 0, this is the Hertz contact of macroscopic granular crystals. The JKR
-law, whose adhesion acts beyond contact, can take its place (`granular_lmp.crystal.adhesion_laws`). Everything here is
-in SI units.
+with the overlap δ, the shear displacement ξ, A = (4/3) E* √Rc and B = 8 G* √Rc. In a compressed lattice there is also a
+force F0 between spheres at rest, so the overlap at rest is Δ0 = ((F + F0)/A)^{2/3}. Without adhesion, F = 0, this is
+the Hertz contact of macroscopic granular crystals. The JKR law, whose adhesion acts beyond overlap 0, can replace the
+DMT law (`granular_lmp.crystal.adhesion_laws`). All values are in SI units.
 """
 
 from dataclasses import replace
@@ -28,7 +27,7 @@ DMT_BELOW, JKR_ABOVE = 0.1, 5.0
 
 @dataclass(frozen=True)
 class Sphere:
-    """A solid elastic sphere and its contact with an equal one, at rest.
+    """Solid elastic sphere, and its contact at rest with an equal sphere.
 
     Parameters
     ----------
@@ -43,17 +42,17 @@ class Sphere:
     density : float
         Density ρ, kg/m³.
     contact_force : float
-        Outer force F0 that presses the contacts together at rest, N.
+        External force F0 on each contact at rest, N.
     adhesion_law : "dmt" or "jkr"
         Law of the contact; "jkr" needs w > 0.
     factors : (float, float)
-        Factors of the normal and the shear force of the contact at every overlap, where its stiffnesses were measured
-        (`granular_lmp.crystal.stiffnesses`). The moduli stay those of the material.
+        Factors of the normal and the shear force at every overlap, if stiffnesses were measured
+        (`granular_lmp.crystal.stiffnesses`). The moduli remain those of the material.
 
     Notes
     -----
-    Rigid spheres joined by contact springs: valid while the contact is small (Δ0 ≪ R) and the waves are much slower
-    than the sound in the material. `granular_lmp.rest.scene` checks the ranges.
+    The model is rigid spheres joined by contact springs. It is valid if contacts are small (Δ0 ≪ R) and waves much
+    slower than sound in the material. `granular_lmp.rest.scene` checks the ranges.
 
     Examples
     --------
@@ -78,7 +77,7 @@ class Sphere:
         Raises
         ------
         ValueError
-            If the law is unknown, or is that of JKR without adhesion.
+            If the law is unknown, or is JKR without adhesion.
         """
         if self.adhesion_law not in ADHESION_LAWS:
             raise ValueError(f"adhesion_law = {self.adhesion_law!r}: must be one of {', '.join(ADHESION_LAWS)}")
@@ -95,7 +94,7 @@ class Sphere:
 
     @property
     def unloaded(self) -> "Sphere":
-        """Sphere without adhesion and outer force, whose contacts at rest just touch."""
+        """Sphere without adhesion and external force, whose contacts at rest just touch."""
         return replace(self, work_of_adhesion=0.0, contact_force=0.0, adhesion_law="dmt")
 
     @property
@@ -120,12 +119,12 @@ class Sphere:
 
     @property
     def pull_off_force(self) -> float:
-        """Pull-off force F, N, the pull that parts two spheres: 2π w Rc, or (3/2)π w Rc by the JKR law."""
+        """Pull-off force F between two spheres, N: 2π w Rc, or (3/2)π w Rc by the JKR law."""
         return float(self.contact_law.pull_off_force)
 
     @property
     def pull_off_distance(self) -> float:
-        """Distance of the surfaces at which a contact parts that is pulled, m: 0 by the DMT law."""
+        """Distance of the surfaces at which a pulled contact opens, m: 0 by the DMT law."""
         return abs(float(self.contact_law.pull_off_overlap))
 
     @property
@@ -135,12 +134,12 @@ class Sphere:
 
     @property
     def shear_coefficient(self) -> float:
-        """Coefficient B = 8 G* √Rc of Mindlin's law, N/m^{3/2}."""
+        """Coefficient B = 8 G* √Rc of the Mindlin law, N/m^{3/2}."""
         return float(self.contact_law.shear_coefficient)
 
     @property
     def holding_force(self) -> float:
-        """Force F + F0 of pull-off and outer compression, N, which has to be overcome to part a contact at rest."""
+        """Force F + F0 of pull-off and compression that must be overcome to open a contact at rest, N."""
         return self.pull_off_force + self.contact_force
 
     @cached_property
@@ -150,7 +149,7 @@ class Sphere:
 
     @property
     def unpressed_overlap(self) -> float:
-        """Overlap of a contact that nothing presses, m; 0 without adhesion."""
+        """Overlap of a contact without external force, m; 0 without adhesion."""
         return float(self.contact_law.overlap_under(0.0))
 
     @property
@@ -167,8 +166,8 @@ class Sphere:
     def stiffness_ratio(self) -> float:
         """Ratio κ = g1/k1, which with the overlap ratio determines the dimensionless linear dynamics.
 
-        It is 2(1−ν)/(2−ν) by the DMT law, and 5/3 of that by the JKR law without an outer force; measured stiffnesses
-        may have any ratio.
+        It is 2(1−ν)/(2−ν) by the DMT law, and 5/3 times this by the JKR law without external force; measured
+        stiffnesses may have any ratio.
         """
         normal, shear = self.factors
         mindlin = 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio) * (shear / normal)
@@ -176,23 +175,24 @@ class Sphere:
 
     @property
     def overlap_ratio(self) -> float:
-        """Ratio η = Δ0/(2R), by which LAMMPS's contact geometry differs from that of the paper, η → 0."""
+        """Ratio η = Δ0/(2R), by which the contact geometry in LAMMPS differs from that of the paper, η → 0."""
         return self.static_overlap / (2 * self.radius)
 
     @property
     def time_scale(self) -> float:
         """Unit of time t0 = √(m/(2(g1+3k1))), s, of τ (the paper misprints it as √(2m/(g1+3k1))).
 
-        A long L wave runs half a row of the hexagonal lattice in it. Scenes of other lattices have the same unit.
+        In this time a long L wave travels half a row of the hexagonal lattice. Scenes of other lattices use the same
+        unit.
         """
         return sqrt(self.mass / (2 * (self.shear_stiffness + 3 * self.normal_stiffness)))
 
     @property
     def prestress(self) -> float:
-        """Loss of transverse stiffness by compression over k1, χ = F0/(k1(2R−Δ0)); 0 without an outer force.
+        """Loss of transverse stiffness by compression over k1, χ = F0/(k1(2R−Δ0)); 0 without external force.
 
-        A compressed contact that turns by a small angle continues to push, like a compressed strut that buckles.
-        Adhesion balances the repulsion along the same line and adds no such force.
+        A compressed contact continues to push after a small rotation, like a strut that buckles. Adhesion balances the
+        repulsion along the same line and has no such effect.
         """
         return self.contact_force / (self.normal_stiffness * self.lattice_constant)
 
@@ -211,11 +211,11 @@ class Sphere:
         return float(-sqrt(3) * amplitude * (4 * shear * kappa + 12 * normal) / (4 * (kappa + 3)))
 
     def tabor_parameter(self, range_of_forces: float) -> float:
-        """Return μ = (Rc w²/(E*² z³))^{1/3}, by which an adhesion law is chosen.
+        """Return Tabor's parameter μ = (Rc w²/(E*² z³))^{1/3}, which tells the suitable adhesion law.
 
-        The elastic deformation by adhesion over the range z of the surface forces: the DMT law is right below about
-        0.1, the JKR law above 5, and neither between, which Maugis's law spans (Tabor, J. Colloid Interface Sci. 58, 2
-        (1977); Johnson & Greenwood, J. Colloid Interface Sci. 192, 326 (1997)).
+        It is the elastic deformation by adhesion over the range z of the surface forces: the DMT law is right below
+        about 0.1, the JKR law above 5, and the Maugis law in between (Tabor, J. Colloid Interface Sci. 58, 2 (1977);
+        Johnson & Greenwood, J. Colloid Interface Sci. 192, 326 (1997)).
 
         Parameters
         ----------
@@ -227,13 +227,13 @@ class Sphere:
 
     @property
     def nearer_law(self) -> str:
-        """Name of the adhesion law that holds by Tabor's parameter; between the ranges of both, of the nearer one."""
+        """Name of the adhesion law that Tabor's parameter suggests; between both ranges, the nearer one."""
         lowest, highest = (self.tabor_parameter(each) for each in SURFACE_DISTANCES)
         return "dmt" if lowest * highest < DMT_BELOW * JKR_ABOVE else "jkr"
 
     @property
     def law_words(self) -> str:
-        """Sentence on the adhesion law by Tabor's parameter, with the key to set if another is in use."""
+        """Sentence on the suitable adhesion law, with the key to set if another is in use."""
         lowest, highest = (self.tabor_parameter(each) for each in SURFACE_DISTANCES)
         two = [f"{float(f'{each:.2g}'):g}" for each in (lowest, highest)]  # 1500, not 1.5e+03
         holds = highest < DMT_BELOW or lowest > JKR_ABOVE
@@ -250,7 +250,7 @@ class Sphere:
             c = √5 |ln e| / √(π² + ln² e) · √(m_eff A) Δ0^{1/4},    m_eff = m/2
 
         Every head-on collision then ends at e times its speed (Antypov & Elliott, EPL 94, 50004 (2011)). The law is
-        LAMMPS's ``damping coeff_restitution``.
+        ``damping coeff_restitution`` in LAMMPS.
         """
         share = -log(restitution) / sqrt(pi**2 + log(restitution) ** 2)
         return sqrt(5) * share * sqrt(self.mass / 2 * self.normal_coefficient) * self.static_overlap**0.25

@@ -1,1 +1,1 @@
-"""Effects: the physics that a scene calls for, one effect per file."""
+"""Effects: the physics that a scene needs, one effect per file."""

@@ -1,8 +1,7 @@
 """Adhesion: the attraction of contacts, which holds a crystal of microspheres.
 
-It is the constant F = 2πwRc of contacts that touch (DMT), or JKR's, which also acts beyond contact.
-
-Without it contacts are those of Hertz, and compression has to hold the crystal (``packing.contact_force``).
+It is the constant F = 2πwRc of touching contacts (DMT), or that of JKR, which also acts beyond overlap 0. Without
+adhesion contacts are Hertz contacts, and compression must hold the crystal (``packing.contact_force``).
 """
 
 from dataclasses import replace

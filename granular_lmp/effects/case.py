@@ -1,6 +1,6 @@
-"""The case to which the functions of an effect apply: a scene with the effects that have been decided so far.
+"""Case for the functions of an effect: a scene with the effects that have been decided so far.
 
-It gives the numbers by which rules decide: stretches and slips of contacts, strengths, friction, dashpots.
+It provides the numbers for the rules: stretch and slip of contacts, strengths, friction, dashpots.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,16 +23,18 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sources import ROTATION
 
-# μ = 5a (adhesion) to 10a (compression) keeps F_t under 0.6 of the sliding force for every mode. Much larger is wrong
-# too: LAMMPS skips turning the shear history with the contact while its normal part is below 1e-10 of the sliding
-# force, which then freezes it.
+# μ = 5a (adhesion) to 10a (compression) keeps F_t below 0.6 of the sliding force for every mode. A much larger μ is
+# wrong too: LAMMPS does not rotate the shear history with the contact while its normal part is below 1e-10 of the
+# sliding force, so the history would freeze.
 FRICTION_PER_AMPLITUDE = 10.0
-_FEW = 300  # contacts whose slip is sought phase by phase to half a degree; of more it is to four
-NOTHING = 1e-12  # rounding of a number of order 1 that vanishes by symmetry
+_FEW = (
+    300  # number of contacts whose slip is computed at every half degree of phase; with more it is every four degrees
+)
+NOTHING = 1e-12  # rounding of a number of order 1 that is 0 by symmetry
 
 
 class Finding(NamedTuple):
-    """Result of a rule: whether the effect is called for, the number behind it, and a sentence that has it at {}."""
+    """Result of a rule: whether the scene needs the effect, the number behind it, and a sentence with {} for it."""
 
     called_for: bool
     number: float
@@ -41,7 +43,7 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with the effects that have been decided so far, and the modes and slips that were asked for."""
+    """Scene with the effects that have been decided so far, and a cache of modes and slips."""
 
     scene: Scene
     on: Mapping[str, bool] = field(default_factory=dict)
@@ -70,14 +72,14 @@ class Case:
         return self.scene.effects.rolling_stiffness if self.on.get("rolling", declared) else 0.0
 
     def mode_with(self, physics: Physics) -> Mode:
-        """Return the mode of the scene's wave in a lattice with the given physics, which is solved once."""
+        """Return the mode of the wave in a lattice with these degrees of freedom; it is solved once."""
         if physics not in self.modes:
             self.modes[physics] = mode_of(self.scene, physics)
         return self.modes[physics]
 
     @cached_property
     def contacts(self) -> Contacts:
-        """Contacts at rest: those of one sphere of a perfect lattice, or of all spheres of another crystal."""
+        """Contacts at rest: of one sphere in a perfect lattice, or of all spheres in another crystal."""
         return contacts_of(self.scene)
 
     @property
@@ -87,21 +89,21 @@ class Case:
 
     @property
     def hold(self) -> float:
-        """How far a contact of two spheres of the lattice holds beyond its end, in Δ0: 0 by the DMT law."""
+        """Distance beyond overlap 0 to which a contact of the lattice holds, in Δ0: 0 by the DMT law."""
         return self.scene.sphere.pull_off_distance / self.scene.sphere.static_overlap
 
     @property
     def ends(self) -> np.ndarray:
-        """Overlaps at which the contacts part, in Δ0: (C,), or one for all; 0 by the DMT law."""
+        """Overlaps at which the contacts open, in Δ0: (C,), or one for all; 0 by the DMT law."""
         return np.asarray(self._law.pull_off_overlap / self.scene.sphere.static_overlap)
 
     @cached_property
     def stretches(self) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes of the normal and the shear displacement of the contacts, (C,) each, in Δ0.
 
-        For a driven row they are at least those of its contacts to the next row as if that were at rest; for sources,
-        whose fields are not known beforehand, those of a row moved along x or y by the largest amplitude, and the slip
-        of a sphere that is turned by it. Strikers and a state add the bound of their own (`Scene.strike`).
+        For a driven row they are at least those of its contacts with a next row at rest. For sources, whose fields are
+        not known beforehand, they are those of a row moved along x or y by the largest amplitude, and the slip of a
+        sphere turned by this amplitude. Strikers and a state add their own bound (`Scene.strike`).
         """
         scene, amplitude = self.scene, self.scene.amplitude
         normal, shear = self._of_mode
@@ -116,7 +118,7 @@ class Case:
             parts.append([each * self.shaken for each in shaken])
         if len(parts) == 1 and not scene.struck:
             return parts[0][0] * amplitude, parts[0][1] * amplitude
-        # A bound, whatever the phases
+        # A bound for any phases
         still = np.zeros_like(normal)
         bounds = (sum((np.abs(each[k]) for each in parts), still) * amplitude + scene.strike for k in (0, 1))
         return next(bounds), next(bounds)
@@ -130,11 +132,11 @@ class Case:
 
     @property
     def _waves(self) -> bool:
-        """True if the wave is there, or is the unit of strikes alone."""
+        """True if there is a wave, or if it is only the unit of strikes."""
         return self.scene.wave is not None and (self.scene.form.waves or not self.scene.source)
 
     def _with_rows(self, normal: np.ndarray, shear: np.ndarray, axes: str) -> list[np.ndarray]:
-        """Return stretches, at least those of the contacts of a row that is moved by 1 along each of some axes."""
+        """Return stretches that are at least those of the contacts of a row moved by 1 along each of some axes."""
         for axis in axes:
             moved = row_stretches(self.contacts, float(axis == "x"), float(axis == "y"))
             normal, shear = (np.maximum(np.abs(a), np.abs(b)) for a, b in zip((normal, shear), moved, strict=True))
@@ -142,24 +144,24 @@ class Case:
 
     @property
     def shaken(self) -> float:
-        """Largest amplitude of the sources, in units of that of the wave; 0 without any."""
+        """Largest amplitude of the sources, in units of the amplitude of the wave; 0 without sources."""
         return max((each.largest for each in self.scene.drives), default=0.0)
 
     @property
     def strength(self) -> float:
-        """Largest amplitude of wave and sources together, in units of that of the wave."""
+        """Largest amplitude of wave and sources together, in units of the amplitude of the wave."""
         return self.shaken + self._waves
 
     @property
     def no_slip_friction(self) -> float:
         """Friction coefficient per amplitude a at which no contact slides: 10/h.
 
-        The sliding force is μ times the holding force, which is h = 1 + s of the Hertz force at rest, with the share s
-        of adhesion. Dashpots add to the force of the springs, so the friction is larger by the ratio of
-        `shear_stiffness` to κ. In a crystal that is not perfect h is that of the weakest contact: of its adhesion
-        alone, which is left when it opens, or of its force at rest if nothing adheres. Sources raise it by the largest
-        of their amplitudes, walls by how much stiffer in shear they are for the force that holds them, and measured
-        stiffnesses by how much more than 4/3, the most of a material, 4G*/E* is.
+        The sliding force is μ times the holding force, which is h = 1 + s times the Hertz force at rest, with the share
+        s of adhesion. Dashpots add to the force of the springs, so the friction is larger by the ratio of
+        `shear_stiffness` to κ. In an imperfect crystal h is that of the weakest contact: from its adhesion only, which
+        remains when it opens, or from its force at rest if nothing adheres. Three things raise the friction: sources,
+        by the largest of their amplitudes; walls, by their shear stiffness over their holding force; and measured
+        stiffnesses, by 4G*/E* over 4/3, the largest value of a material.
         """
         hold = 1 + self.adhesive_share
         if not self.scene.perfect:
@@ -167,7 +169,7 @@ class Case:
             weakest = adhesive or self.contacts.contact_force.min()
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
-        strength = self.strength or 1.0  # strikes alone have that of their own amplitude
+        strength = self.strength or 1.0  # strikes without a wave have the friction of their own amplitude
         sphere = self.scene.sphere
         normal, shear = sphere.factors
         stiffer *= max(1.0, 3 * shear * sphere.effective_shear_modulus / (normal * sphere.effective_modulus))
@@ -176,13 +178,13 @@ class Case:
 
     @property
     def _factors(self) -> Floats:
-        """Factors of the contacts of materials, those of a perfect crystal 1 (`granular_lmp.crystal.stiffnesses`)."""
+        """Factors of the contacts of materials (`granular_lmp.crystal.stiffnesses`); 1 in a perfect crystal."""
         given = None if self.scene.perfect else crystal_of(self.scene).atoms.info.get(FACTORS)
         return np.ones((1, 2, 2)) if given is None else np.asarray(given)
 
     @property
     def _stiffer_walls(self) -> float:
-        """Largest shear stiffness at rest over the holding force, of walls, over that of two spheres; at least 1."""
+        """Largest ratio of shear stiffness at rest to holding force of walls, over that of two spheres; at least 1."""
         on_wall, sphere = self.contacts.on_wall, self.scene.sphere
         holding = (self.contacts.adhesive_force + self.contacts.contact_force)[on_wall]
         there = self.contacts.shear_stiffness[on_wall] / holding * sphere.holding_force / sphere.shear_stiffness
@@ -230,7 +232,7 @@ class Case:
 
     @property
     def swing(self) -> float:
-        """Bound of how far an overlap is from rest, in Δ0: two spheres, each moved by all amplitudes together."""
+        """Bound on the change of an overlap from rest, in Δ0: two spheres, each moved by all amplitudes together."""
         return 2 * (self.scene.amplitude * self.strength + (self.scene.strike if self.scene.struck else 0.0))
 
     @property
@@ -240,7 +242,7 @@ class Case:
 
     @property
     def strongest_dashpot(self) -> float:
-        """Bound on the dashpot of all contacts, N s/m, in a restitution's case those of no more than the force at rest.
+        """Bound on the dashpot of all contacts, N s/m; with a restitution, for forces up to that at rest.
 
         η = √5 ζ √(m_eff A) δ^{1/4} = √5 ζ √m_eff A^{1/3} f^{1/6} with the force f of the spring.
         """
@@ -255,7 +257,7 @@ class Case:
         return lattice.restitution_viscosity(scene.effects.restitution) * max(float(stronger), 1.0)
 
     def largest_slip(self) -> float:
-        """Return the largest ratio of shear force to sliding force of the same contact at the same time.
+        """Return the largest ratio of shear force to sliding force of one contact at one time.
 
         With the overlap δ = δ0 − n cos ϑ and a dashpot force t D sin ϑ beside that of the spring it is
 
@@ -263,8 +265,8 @@ class Case:
 
         with the shear stiffness g = B δ^{1/2} and f_N + 2F = A δ^{3/2} + F in the DMT law.
 
-        It is infinite if contacts without adhesion open, because they slide before they open. It is found once for
-        cases of the same lattice, dashpots and adhesion.
+        It is infinite if contacts without adhesion open, because they slide before they open. It is computed once for
+        cases with the same lattice, dashpots and adhesion.
         """
         key = self._own_physics, self.dashpot, self.on.get("adhesion", True)
         if key not in self.slips:
@@ -274,7 +276,7 @@ class Case:
     def _largest_slip(self) -> float:
         (normal, shear), law, overlaps, most = self.stretches, self._law, self.overlaps, 0.0
         friction = self.friction
-        for block in blocks(len(shear)):  # only contacts that may slip more than those before, each kind once
+        for block in blocks(len(shear)):  # only contacts that may slip more than earlier ones, each kind once
             part = law.of(block), overlaps[block], normal[block], shear[block]
             bound = self._slip_bound(friction, *part)
             hard = np.flatnonzero(bound > most)
@@ -294,7 +296,9 @@ class Case:
         push = law.shear_stiffness(overlap) / sphere.normal_stiffness * np.cos(phase) - self.dashpot * np.sin(phase)
         force = np.where(closed, np.abs(shear * push), 0.0)
         limit = law.sliding_force(overlap) / (sphere.normal_stiffness * sphere.static_overlap)
-        if not self.on.get("adhesion", True):  # LAMMPS's Hertz contacts slide at μ times the force with its dashpot
+        if not self.on.get(
+            "adhesion", True
+        ):  # Hertz contacts in LAMMPS slide at μ times the force including the dashpot
             limit = np.maximum(limit + self.dashpot * normal * np.sin(phase), 0.0)
         limit = friction * limit
         if np.any((limit == 0) & (np.abs(shear * np.cos(phase)) > NOTHING)):
@@ -302,7 +306,7 @@ class Case:
         return float(np.max(np.divide(force, limit, out=np.zeros_like(force), where=limit > 0)))
 
     def _slip_bound(self, friction: float, law: AdhesionLaw, overlaps: Floats, normal: Floats, shear: Floats) -> Floats:
-        """Return no less than the largest slip of each contact: all that makes it large at once."""
+        """Return an upper bound on the slip of each contact, with all extremes at the same time."""
         sphere, dashpot = self.scene.sphere, self.dashpot
         widest, least = ((overlaps + way * np.abs(normal)) * sphere.static_overlap for way in (1, -1))
         force = law.shear_stiffness(law.nearest(widest)) / sphere.normal_stiffness + dashpot
@@ -315,7 +319,7 @@ class Case:
 
     @property
     def _law(self) -> AdhesionLaw:
-        """Law of the contacts at rest: one in a perfect lattice without walls, else that of each contact."""
+        """Law of the contacts at rest: one law in a perfect lattice without walls, else one for each contact."""
         return law_at_rest(self.scene)
 
     @property
@@ -325,25 +329,25 @@ class Case:
 
     @property
     def every_mode(self) -> str:
-        """Clause that names what makes waves of every mode; "" if nothing does."""
+        """Clause on sources and strikes, which make waves of every mode; "" if there are none."""
         if self.scene.wave is None or self.scene.source or self.scene.struck:
             return "sources and strikes make waves of every mode"
         return ""
 
     @property
     def decay_rate(self) -> float:
-        """Decay rate of the wave's amplitude by the dashpots of the contacts, per τ."""
+        """Decay rate of the amplitude of the wave due to the dashpots of the contacts, per τ."""
         return decay_rate(
             wave_contacts(self.scene), self.scene.sphere, self.mode, self.viscosity, shear=self.on.get("shear", True)
         )
 
     @property
     def amplitude_left(self) -> float:
-        """Share of the wave's amplitude that remains at the end of the run with the dashpots."""
+        """Share of the amplitude of the wave that the dashpots leave at the end of the run."""
         return exp(-self.decay_rate * self.scene.time.duration)
 
     def frequency_shift(self, physics: Physics) -> str:
-        """Return a description of the change in the wave's frequency in a lattice with the given physics."""
+        """Return words on the change in the frequency of the wave in a lattice with other degrees of freedom."""
         if self.scene.wave is None:
             return "waves have other frequencies"
         full = self.mode_with(self.physics(rolling=self.rolling)).frequency
@@ -355,7 +359,7 @@ class Case:
 
 
 def _different(value: Floats, columns: Sequence[Floats]) -> np.ndarray:
-    """Return the indices of rows of columns (C,) without those that repeat; rows that are equal have the same value."""
+    """Return the indices of the different rows of some columns (C,)."""
     _, first, like = np.unique(value, return_index=True, return_inverse=True)
     others = np.any([each != each[first][like] for each in columns], axis=0)
     return np.append(first, np.flatnonzero(others))

@@ -1,4 +1,4 @@
-"""Opening: contacts part and meet again. LAMMPS always allows it, so the deck is the same with and without."""
+"""Opening: contacts open and close again. LAMMPS always allows this, so the deck does not change."""
 
 from math import inf
 
@@ -18,8 +18,8 @@ GUARD = Guard(
     name="open",
     lines=changed_lines,
     limit=0.0,
-    meaning="contacts opened or formed, so that no closed form holds and shear forces are lost",
-    cure="set effects.contact_opening = true, or take a smaller wave.amplitude or a slower striker",
+    meaning="contacts opened or formed, so no closed form is valid and shear forces are lost",
+    cure="set effects.contact_opening = true, or use a smaller wave.amplitude or a slower striker",
     of_contacts=True,
     per_contact=judged_singly,
 )
@@ -29,15 +29,15 @@ def called_for(case: Case) -> Finding:
     pulled = np.abs(case.stretches[0])
     left = float(np.min(case.overlaps - case.ends - pulled))
     if left > 0 and not case.scene.perfect and (meeting := _meeting(case)):
-        return Finding(True, float(meeting), "{} pairs of spheres that do not touch at rest are near enough to meet")
+        return Finding(True, float(meeting), "{} pairs of spheres that do not touch at rest are close enough to meet")
     if left > 0:
-        stays = "the contact that is pulled most stays {} of the static overlap from opening"
+        stays = "the most strongly pulled contact stays {} of the static overlap away from opening"
         return Finding(False, left, stays + _most(case))
-    return Finding(True, -left, "the contact that is pulled most opens by {} of the static overlap" + _most(case))
+    return Finding(True, -left, "the most strongly pulled contact opens by {} of the static overlap" + _most(case))
 
 
 def _most(case: Case) -> str:
-    """Return the amplitude that the weakest contact of a crystal that is not perfect bears, as words."""
+    """Return words for the amplitude at which the weakest contact of an imperfect crystal opens."""
     if case.scene.perfect or case.scene.wave is None:
         return ""
     pulled = np.abs(case.stretches[0]) / case.scene.wave.amplitude
@@ -46,13 +46,13 @@ def _most(case: Case) -> str:
 
 
 def _meeting(case: Case) -> int:
-    """Return how many pairs that do not touch at rest may meet: their gap is below the largest stretch of a contact."""
+    """Return the number of pairs with a gap at rest, smaller than the largest stretch, that may meet."""
     near, sphere = crystal_of(case.scene).atoms.copy(), case.scene.sphere
     near.arrays["radius"] = near.arrays["radius"] + np.abs(case.stretches[0]).max() * (
         sphere.static_overlap / sphere.radius / 2
     )
     known, (i, j, _) = case.contacts, overlapping(near)
-    touching = np.sort((known.i * len(near) + known.j)[~known.on_wall], kind="stable")  # sorted but for walls
+    touching = np.sort((known.i * len(near) + known.j)[~known.on_wall], kind="stable")  # sorted except for walls
     pairs = i * len(near) + j
     place = np.searchsorted(touching, pairs)
     return int((touching.take(place, mode="clip") != pairs).sum())
@@ -65,16 +65,16 @@ def of_meeting(case: Case) -> Finding:
 
 
 def loss(case: Case) -> str:
-    return "the guard reports it; the deck is the same, as LAMMPS parts contacts by itself"
+    return "the guard reports it; the deck does not change, as LAMMPS always lets contacts open"
 
 
 def order(scene: Scene) -> int:
-    """Return 0: a contact parts at any phase of a step."""
+    """Return 0: a contact opens at any phase of a step."""
     return 0
 
 
 def order_of_meeting(scene: Scene) -> int:
-    """Return 1 of contacts that snap in and part under a pull, at any moment of a step; others part without a force."""
+    """Return 1 for contacts that snap in and off at any moment of a step; others open without a force."""
     return 1 if scene.start.touching else 2
 
 

@@ -1,8 +1,8 @@
-"""Creep: slip that winds up moves a layer away, in proportion to time. LAMMPS has it; it limits how long a run may be.
+"""Creep: slip accumulates and moves a layer in proportion to time, as also in LAMMPS; it limits the length of a run.
 
-It is predicted (`granular_lmp.crystal.creep`) and measured where a running plane wave fills a perfect crystal in space
-whose contacts neither part nor slide, as the mean displacement along x and y of the spheres at one place of all cells,
-at that which creeps most. Along z the mean holds a static shift too, which does not grow.
+It is predicted (`granular_lmp.crystal.creep`) and measured for a running plane wave that fills a perfect crystal in
+space whose contacts neither open nor slide. Measured is the mean displacement along x and y of the spheres at one place
+of all cells, at the place that creeps most. Along z the mean also has a static shift, which does not grow.
 """
 
 from functools import lru_cache
@@ -20,10 +20,10 @@ from granular_lmp.effects.width import identifiers
 from granular_lmp.rest.linear import mode_of, physics_of, wave_contacts
 from granular_lmp.rest.scene import Scene
 
-SHARE = 0.01  # Creep above this share of D0 is part of what a run shows
-# Near a resonance the second harmonic adds as much again, so that a run is expected to creep from half of it on
+SHARE = 0.01  # Creep above this share of D0 is visible in a run
+# Near a resonance the second harmonic may double the creep, so creep is expected from half of this on
 _EXPECTED = SHARE / 2
-_SILENT = 1e-15  # D0/t0: rounding of a velocity that vanishes by symmetry
+_SILENT = 1e-15  # D0/t0: rounding of a velocity that is 0 by symmetry
 
 
 def _velocities(scene: Scene) -> NDArray[np.float64]:
@@ -38,9 +38,9 @@ def _fastest(scene: Scene) -> float:
     return float(np.linalg.norm(_velocities(scene), axis=1).max())
 
 
-@lru_cache(maxsize=8)  # selection, deck and rules ask, each for every effect
+@lru_cache(maxsize=8)  # selection, deck and rules call this for every effect
 def winds_up(scene: Scene) -> bool:
-    """Return whether the wave of a scene creeps as is known; contacts that part or slide move it too."""
+    """Return whether the creep of a scene can be predicted; contacts that open or slide also move spheres."""
     plane = scene.space == 3 and scene.form.runs and not scene.envelope.finite and not scene.shape.faces
     if not plane or not scene.perfect or scene.source or scene.struck or _fastest(scene) <= _SILENT:
         return False
@@ -57,18 +57,18 @@ def called_for(case: Case) -> Finding:
     return Finding(
         expected(case.scene),
         speed * case.scene.time.duration,
-        f"slip that winds up moves spheres by {{}} D0 in the run, {period:.2g} D0 a period",
+        f"accumulated slip moves spheres by {{}} D0 in the run, {period:.2g} D0 per period",
     )
 
 
 def creeping(problem: Prepared) -> NDArray[np.int64]:
-    """Return the indices of the spheres that creep most: those at one place of all cells."""
+    """Return the indices of the spheres that creep most, which are at one place of all cells."""
     speeds = np.linalg.norm(_velocities(problem.scene), axis=1)
     return np.flatnonzero(places(problem.rest.atoms) % len(speeds) == int(np.argmax(speeds)))
 
 
 def measured(problem: Prepared) -> list[str]:
-    """Return the lines of the mean displacement along x and y of the spheres that creep most."""
+    """Return the lines that measure the mean displacement along x and y of the spheres that creep most."""
     own, group, lines = creeping(problem), "all", []
     if len(own) < len(problem.rest.atoms):
         group, lines = "creeping", [f"group        creeping id {identifiers(own + 1)}"]
@@ -80,7 +80,7 @@ def measured(problem: Prepared) -> list[str]:
 
 
 def loss(case: Case) -> str:
-    return "the deck is the same: LAMMPS winds up slip by itself"
+    return "the deck does not change, as LAMMPS always accumulates slip"
 
 
 GUARD = Guard(
@@ -88,7 +88,7 @@ GUARD = Guard(
     name="creep",
     lines=measured,
     limit=SHARE,
-    meaning="in D0, the mean displacement of the spheres along the layer: slip that winds up moves the layer away",
+    meaning="in D0, the mean displacement of the spheres along the layer: accumulated slip moves the layer",
     cure="set a shorter time.duration or a smaller wave.amplitude",
 )
 CREEP = Effect(

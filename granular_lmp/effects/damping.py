@@ -1,4 +1,4 @@
-"""Damping: contacts dissipate energy, by a viscosity or by the coefficient of restitution of a Hertz contact."""
+"""Damping: contacts dissipate energy, by a viscosity or by the restitution of a Hertz contact."""
 
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import AmongMeeting, Effect, LawPart
@@ -12,11 +12,11 @@ def called_for(case: Case) -> Finding:
         return Finding(True, case.viscosity, "the dashpot of a contact at rest is {} m/t0")
     rate = case.decay_rate
     if case.scene.form.driven:
-        return Finding(True, rate, "the wave decays by {} per tau on its way from the driven row")
+        return Finding(True, rate, "the wave decays by {} per tau as it leaves the driven row")
     if case.scene.source:
         return Finding(True, rate, "the wave that is the unit of the sources decays by {} per tau")
     left = case.amplitude_left
-    return Finding(True, rate, f"the wave decays by {{}} per tau, and {left:.3g} of it is left at the end")
+    return Finding(True, rate, f"the wave decays by {{}} per tau, and {left:.3g} of it remains at the end")
 
 
 def of_meeting(case: Case) -> Finding:
@@ -29,7 +29,7 @@ def of_meeting(case: Case) -> Finding:
 def loss(case: Case) -> str:
     if case.scene.wave is None:
         return "nothing decays"
-    return f"nothing decays, where {case.amplitude_left:.3g} of the wave should be left"
+    return f"nothing decays, but only {case.amplitude_left:.3g} of the wave should remain"
 
 
 def law(scene: Scene, on: bool) -> LawPart:
@@ -49,14 +49,14 @@ def refuse(case: Case) -> str:
         return "effects.damping = true: needs effects.viscosity above 0 or effects.restitution below 1"
     if effects.restitution < 1 and case.on["adhesion"]:
         return (
-            f"effects.restitution = {effects.restitution!r}: LAMMPS has it for contacts without adhesion only; "
-            "use effects.viscosity, or effects.adhesion = false with packing.contact_force"
+            f"effects.restitution = {effects.restitution!r}: LAMMPS has it only for contacts without adhesion; use "
+            "effects.viscosity, or effects.adhesion = false with packing.contact_force"
         )
     return ""
 
 
 def order(scene: Scene) -> int:
-    """Return 1: LAMMPS's dashpots use the velocity of half a step before."""
+    """Return 1: dashpots in LAMMPS use the velocity of half a step earlier."""
     return 1
 
 

@@ -83,7 +83,7 @@ TOO_LONG = Guard(
 
 
 def small_overlaps(case: Case) -> Finding:
-    return Finding(False, inf, "Hertz's law is one of small overlaps")
+    return Finding(False, inf, "Hertz's law is only valid for small overlaps")
 
 
 def chosen_step(case: Case) -> Finding:

@@ -1,9 +1,9 @@
-"""The effect: one record per effect.
+"""Record of an effect.
 
-An effect decides by a number whether a scene calls for it. It writes its lines into the deck, adds its term to the
-linear problem, and names the guard that looks whether it occurs, its cost, and the loss without it. Each of the
-other files here defines one effect; `granular_lmp.effects.selection` lists them and chooses. A theory covers an effect
-only if its line in `granular_analysis.theory.catalogue` names it.
+An effect decides by a number whether a scene needs it. It writes its lines into the deck, adds its term to the linear
+problem, and has a guard that detects it, a cost, and the loss without it. Each of the other files here defines one
+effect; `granular_lmp.effects.selection` lists and chooses them. A theory covers an effect only if its line in
+`granular_analysis.theory.catalogue` names the effect.
 """
 
 from collections.abc import Callable, Mapping
@@ -57,16 +57,16 @@ def _every(scene: Scene) -> bool:
 
 @dataclass(frozen=True)
 class AmongMeeting:
-    """Rule, order and guards of an effect among spheres that meet, which nothing holds at rest.
+    """Rule, order and guards of an effect for spheres that meet, which nothing holds at rest.
 
     Attributes
     ----------
     called_for : callable
         Rule, Case → Finding.
     order : callable
-        Scene → order of LAMMPS's error in the time step: 2, or 1.
+        Scene → order in the time step of the error of LAMMPS: 2, or 1.
     guards : tuple of Guard
-        Guard that is always in the deck.
+        Guards that are always in the deck.
     """
 
     called_for: Callable[[Case], Finding]
@@ -76,42 +76,43 @@ class AmongMeeting:
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect.
+    """Effect of a deck.
 
     Attributes
     ----------
     name : str
         Name, and its key in ``[effects]`` unless `switch` names another.
     called_for : callable, optional
-        Rule that decides whether a crystal at rest under load calls for the effect, Case → Finding; None if the effect
+        Rule that decides whether a crystal at rest under load needs the effect, Case → Finding; None if the effect
         cannot occur there.
     meeting : AmongMeeting, optional
-        The effect among spheres that meet, which nothing holds at rest; None if it cannot occur there.
+        The effect for spheres that meet, which nothing holds at rest; None if it cannot occur there.
     cost : str
-        Cost in time as a factor, measured (docs/verification.md), or the word for a cost that depends on the scene.
+        Measured factor in computing time (page Verification), or a word if it depends on the scene.
     loss : callable
-        Description of the loss without the effect, Case → half a sentence.
+        Description of the loss without the effect, Case → phrase.
     needs : str
-        Name of another effect without which this one is off.
+        Name of another effect without which this effect is off.
     lines, lines_off : mapping
-        Lines of blocks of the deck (`granular_lmp.lammps.deck`), name of the block → function of the problem, while the
-        effect is on, and while it is off but the effect that it needs is on.
+        Lines for blocks of the deck (`granular_lmp.lammps.deck`), name of the block → function of the problem: if the
+        effect is on, and if it is off while the effect that it needs is on.
     law : callable
         Part of the contact law, (Scene, on) → arguments of `granular_lmp.lammps.contact.model`.
     required : callable
-        Reason why the effect is on even where a scene switches it off, Scene → half a sentence, or "".
+        Reason why the effect is on although a scene switches it off, Scene → phrase, or "".
     refuse : callable
         Reason why the choice is not possible, Case → sentence, or "" if it is possible.
     order : callable
-        Scene → order of LAMMPS's error in the time step while the effect is on: 2, 1, or 0 if the error is no series.
+        Scene → order in the time step of the error of LAMMPS while the effect is on: 2, 1, or 0 if the error has no
+        expansion.
     concerns : callable
-        Scene → True if the effect is one of such scenes.
+        Scene → True if such scenes have the effect.
     guards : tuple of Guard
-        Guards that look whether the effect occurs, of which the first that is of a scene looks there.
+        Guards that detect the effect; a scene uses the first one that applies to it.
     always : bool
-        True if the guard also measures, without judging, while the effect is on.
+        True if the guard also measures, without a verdict, while the effect is on.
     recorded : bool
-        True if the record of contacts holds all forces and torques beside the effect.
+        True if the record of contacts holds all forces and torques while the effect is on.
     in_all : bool
         True if ``--all-effects`` switches the effect on.
     switch : str
@@ -119,7 +120,7 @@ class Effect:
     declared : callable, optional
         Scene → True if the effect is on, for an effect with a `switch`.
     forces : bool
-        True if a scene may force the effect on; else its true is read as "auto".
+        True if a scene may force the effect on; otherwise true is read as "auto".
     """
 
     name: str
@@ -149,7 +150,7 @@ class Effect:
         return self.switch or f"effects.{self.name}"
 
     def among_meeting(self) -> "Effect":
-        """Return the effect among spheres that meet: nothing is lost or refused there."""
+        """Return the effect for spheres that meet, for which nothing is lost or refused."""
         assert self.meeting is not None
         return replace(
             self,
@@ -172,29 +173,29 @@ class Effect:
         return AUTO if wanted is True and not self.forces else wanted
 
     def guard_name(self, scene: Scene, on: Mapping[str, bool]) -> str:
-        """Return the title of the guard in the deck of a scene with these effects on, or "" if no guard is needed."""
+        """Return the title of the guard in the deck of a scene with these active effects; "" if it needs no guard."""
         guarded = on.get(self.needs, True) and (self.always or not on[self.name])
         return next((each.title for each in self.guards if guarded and each.where(scene)), "")
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """One effect of a scene, decided.
+    """Decided effect of a scene.
 
     Attributes
     ----------
     name, switch : str
         Name of the effect, and the key of the scene that forces it.
     on, called_for : bool
-        True if the effect is in the deck, and if the scene calls for it.
+        True if the effect is in the deck; true if the scene needs it.
     number, reason : float, str
-        Number behind `called_for`, and a sentence that has the number at {}, if it has one.
+        Number behind `called_for`, and a sentence that may have a place {} for it.
     guard : str
-        Title of the guard in the deck, or "" without one.
+        Title of the guard in the deck, or "" if there is none.
     cost : str
-        Cost in time, measured (docs/verification.md).
+        Cost in time, measured (page Verification).
     lost : callable
-        Function that finds `loss`, which takes as long as all else and is seldom asked for.
+        Function that computes `loss`, which is slow and rarely needed.
     """
 
     name: str
@@ -209,15 +210,15 @@ class Chosen:
 
     @property
     def loss(self) -> str:
-        """Loss without the effect; "nothing" if the scene does not call for it."""
+        """Loss without the effect; "nothing" if the scene does not need it."""
         return self.lost()
 
     @property
     def finding(self) -> str:
-        """The sentence with the number in it."""
+        """Sentence with the number filled in."""
         return self.reason.replace("{}", f"{self.number:.4g}")
 
     @property
     def judged(self) -> bool:
-        """True if the guard fails the run: the effect is off and the scene does not call for it."""
+        """True if the guard can fail the run: the effect is off, and the scene does not need it."""
         return not self.on and not self.called_for

@@ -1,4 +1,4 @@
-"""The names of a deck for the freedoms of its spheres: ux, uy and one angle in the plane, all six in space."""
+"""Names in a deck for the freedoms of its spheres: ux, uy and one angle in the plane, all six in space."""
 
 from granular_lmp.effects.guard import Prepared
 from granular_lmp.scene.sources import TORQUES
@@ -10,25 +10,25 @@ def axes(problem: Prepared) -> str:
 
 
 def turns(problem: Prepared) -> tuple[str, ...]:
-    """Return the ends of the names of angles and spins: of one about z, or of three."""
+    """Return the suffixes of the names of angles and spins: one for z, or three."""
     return ("",) if problem.scene.space == 2 else ("x", "y", "z")
 
 
 def along(problem: Prepared, name: str, none: str) -> str:
-    """Return the three words of a vector of variables NAMEx, NAMEy, NAMEz; `none` stands along z in the plane."""
+    """Return the three words of a vector of variables NAMEx, NAMEy, NAMEz, with `none` for z in the plane."""
     return " ".join(f"v_{name}{axis}" if axis in axes(problem) else none for axis in "xyz")
 
 
 def about(problem: Prepared, name: str) -> str:
-    """Return the three words of a rate of rotation: of the variable NAME about z, or NAMEx, NAMEy, NAMEz in space."""
+    """Return the three words of a spin: the variable NAME about z, or NAMEx, NAMEy, NAMEz in space."""
     own = [f"v_{name}{axis}" for axis in turns(problem)]
     return " ".join(["0.0"] * (3 - len(own)) + own)
 
 
 def style(problem: Prepared) -> str:
-    """Return the atom style: what tracks angles is a dipole in the plane, and a quaternion in space.
+    """Return the atom style: a dipole tracks angles in the plane, a quaternion in space.
 
-    In space torques of sources turn a dipole.
+    In space the torques of sources act on a dipole.
     """
     if not problem.on["tracking"]:
         return "sphere"

@@ -1,7 +1,6 @@
-"""The guard: a number that LAMMPS measures to see whether an effect that a deck leaves out occurs.
+"""Guard: a number that LAMMPS measures to detect an effect that a deck leaves out.
 
-Each guard is defined in the file of its effect. `granular_lmp.lammps.guards` writes it into the deck and judges its
-result.
+Each guard is defined in the file of its effect. `granular_lmp.lammps.guards` writes it into the deck and evaluates it.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,16 +13,16 @@ from granular_lmp.rest.resolution import gathered_rounding
 from granular_lmp.rest.scene import Scene
 from granular_lmp.units import AnyUnits
 
-NEVER = 1e20  # tau of a limit that was not passed; LAMMPS's minimum of an empty set
+NEVER = 1e20  # τ of a limit that was not passed; the minimum of an empty set in LAMMPS
 
-# A quantity that a symmetry forbids stays at the `gathered_rounding` of its run, up to 2 times that. For a = 0.2, 201
-# rows and 2400 steps that is 1e-10 D0. A millionth of the wave is far above it, yet harmless.
+# A quantity that a symmetry forbids stays below 2 times the `gathered_rounding` of its run: 1e-10 D0 for a = 0.2, 201
+# rows and 2400 steps. A millionth of the wave is far above this, yet harmless.
 BROKEN_SYMMETRY = 1e-6
 ROUNDINGS = 20.0
 
 
 class Prepared(Protocol):
-    """A `granular_lmp.problem.Problem`, as the lines of effects and guards see it."""
+    """Part of `granular_lmp.problem.Problem` that the lines of effects and guards use."""
 
     @property
     def scene(self) -> Scene: ...
@@ -39,24 +38,24 @@ Lines = Callable[[Prepared], list[str]]
 
 
 def watches_part(scene: Scene) -> bool:
-    """Return whether only some spheres affect the record: with walls or a finite wave, recorded at the centre."""
-    if scene.wave is None:  # the spheres that are recorded are anywhere
+    """Return whether only some spheres affect the record: with walls or a finite wave, if the centre is recorded."""
+    if scene.wave is None:  # recorded spheres may be anywhere
         return False
     return scene.output.particles == 0 and (bool(scene.shape.faces) or scene.envelope.finite)
 
 
 @dataclass(frozen=True)
 class Guard:
-    """One guard.
+    """Guard of a deck.
 
     Attributes
     ----------
     title : str
         Name in ``run.json``.
     name : str
-        Name of the variable in the deck; every look is a line of the thermo table that holds it.
+        Name of the variable in the deck, a column of the thermo table, where every look is a line.
     lines : callable
-        Lines of a deck that compute the variable NAME, of a problem.
+        Problem → lines of the deck that compute the variable NAME.
     limit : float
         Value above which the guard triggers.
     meaning : str
@@ -64,17 +63,17 @@ class Guard:
     cure : str
         Advice for the user, for the message.
     roundings : float
-        Multiple of the `gathered_rounding` of positions that is added to the limit.
+        Multiple of the `gathered_rounding` of positions to add to the limit.
     hides : bool
-        True if the limit is lower by what may hide between two looks (`granular_lmp.effects.between_looks`).
+        True if the limit is lowered by what two looks may miss (`granular_lmp.effects.between_looks`).
     of_contacts : bool
         True if the lines read `granular_lmp.effects.reading.contact_lines` or `overlap_lines`.
     per_contact : callable
-        Scene → True if what LAMMPS measures does not always decide, and contacts are dumped while it does not.
+        Scene → True if the measured value does not always decide, so that contacts are dumped while it does not.
     where : callable
-        Scene → True if the guard is one of such scenes.
+        Scene → True if such scenes have the guard.
     heading : str
-        Words behind the column in the last lines of a deck, with ``{limit}`` for the limit; "" for those of `meaning`.
+        Words after the column in the last lines of a deck, with ``{limit}`` for the limit; "" means those of `meaning`.
     """
 
     title: str
@@ -96,7 +95,7 @@ class Guard:
         return f"v_{self.name}"
 
     def limit_in(self, problem: Prepared, every: float | None = None) -> float:
-        """Return the limit above which the guard triggers, with `every` τ between two looks, or those of the deck."""
+        """Return the limit above which the guard triggers, for `every` τ between looks, by default as in the deck."""
         if self.roundings:
             return self.limit + self.roundings * gathered_rounding(problem.scene)
         return self.limit * (1 - hidden(problem.rest, every)) if self.hides else self.limit

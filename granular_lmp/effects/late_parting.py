@@ -1,11 +1,11 @@
-"""Late parting: a JKR contact that is pulled holds up to the largest distance, not up to the largest pull.
+"""Late parting: a JKR contact holds up to the largest distance instead of the largest pull.
 
 In y of `granular_lmp.crystal.adhesion_laws.Jkr` the overlap at the end is δ0 y^{1/3} (3y − 2) with
 
-    y = 1/6   at a given distance, −9·6^{−4/3} δ0: bodies that fly apart lose 7.09 (w⁵Rc⁴/E*²)^{1/3}
+    y = 1/6   at a given distance, −9·6^{−4/3} δ0: bodies that separate lose 7.09 (w⁵Rc⁴/E*²)^{1/3}
     y = 1/2   under a given load, −2^{−4/3} δ0, where LAMMPS ends it: they lose 3.50
 
-Of the two LAMMPS has the second; the first needs the kernel. It is declared, as no wave calls for it by itself.
+LAMMPS has only the second; the first needs the kernel. A scene must declare it, as no wave requires it.
 
 Sources: as of `cases.pull_off.jkr`.
 """
@@ -21,7 +21,9 @@ _SHARE = 0.4939  # 3.5026/7.0922
 def finding(case: Case) -> Finding:
     if not case.scene.material.contact_law.late:
         return Finding(False, 0.0, "contacts of this law end at overlap 0")
-    return Finding(False, _SHARE, "ended at the largest pull, a contact loses {} of the energy that it loses by JKR")
+    return Finding(
+        False, _SHARE, "a contact that ends at the largest pull loses {} of the energy that it loses in JKR theory"
+    )
 
 
 def declared(scene: Scene) -> bool:
@@ -40,11 +42,9 @@ def refuse(case: Case) -> str:
     if not case.on["late_parting"]:
         return ""
     if case.contacts.on_wall.any():
-        return f'effects.parting = "{DISTANCE}": must be "load" beside walls and substrates, whose contacts LAMMPS has'
+        return f'effects.parting = "{DISTANCE}": must be "load" beside walls and substrates, which the kernel lacks'
     if resisted := [name for name in ("rolling", "twisting") if case.on[name]]:
-        return (
-            f'effects.parting = "{DISTANCE}": must be "load" with effects.{resisted[0]}, which the kernel does not know'
-        )
+        return f'effects.parting = "{DISTANCE}": must be "load" with effects.{resisted[0]}, which the kernel lacks'
     if not case.scene.perfect:
         return f'effects.parting = "{DISTANCE}": is not built for unequal or missing spheres; must be "load"'
     return ""

@@ -1,6 +1,6 @@
-"""Guards read contacts with walls here: LAMMPS gives for each sphere whether it touches, and the force.
+"""Readings of contacts with walls for guards: LAMMPS returns, for each sphere, whether it touches and the force.
 
-A wall is named after its face, and its fix after that and the material of the spheres that it pushes: ``zlo1``.
+A wall is named after its face, and its fix after the wall and the material of its spheres: ``zlo1``.
 """
 
 import numpy as np
@@ -9,14 +9,14 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.guard import Prepared
 from granular_lmp.frozen import dataclass
 
-# Walls by name: the axis across which they are, and the way along it in which they push
+# Walls by name: their normal axis, and the direction along it in which they push
 FACES = {f"{axis}{end}": (number, way) for number, axis in enumerate("xyz") for end, way in (("lo", 1), ("hi", -1))}
-_PRESSED = 1e-9  # Rounding leaves less than this share of the holding force where nothing presses
+_PRESSED = 1e-9  # Rounding leaves less than this share of the holding force if nothing presses
 
 
 @dataclass(frozen=True)
 class OnWall:
-    """Readings of the contacts of one material with one wall: guards take the forces that LAMMPS has of each sphere.
+    """Readings of the contacts of one material with one wall, from the forces in LAMMPS on each sphere.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class OnWall:
     inward : int
         1 if the wall pushes along its axis, −1 against it.
     sphere : Sphere
-        Sphere of the lattice, which has the law.
+        Sphere of the lattice, which determines the law.
     holding_force, adhesive_force, dashpot, rest : float
         In units of the deck; `rest` is the push at rest.
     """
@@ -45,7 +45,7 @@ class OnWall:
 
     @classmethod
     def all_of(cls, problem: Prepared) -> tuple["OnWall", ...]:
-        """Return the walls of a problem, of each face and material one."""
+        """Return the walls of a problem, one for each face and material."""
         contacts, sphere, found = problem.rest.contacts, problem.scene.sphere, list[OnWall]()
         if not contacts.on_wall.any():
             return ()
@@ -71,7 +71,7 @@ class OnWall:
         least, axis = "min" if self.inward > 0 else "max", FACES[self.face][0]
         across = " ".join(f"f_{self.name}[{number + 2}]" for number in range(3) if number != axis)
         push, lines = f"f_{self.name}[{axis + 2}]", []
-        if self.rest:  # spheres away from the wall have a force of 0, which is no push at rest
+        if self.rest:  # spheres away from the wall have a force of 0, unlike any push at rest
             rest, at = repr(self.inward * self.rest), f"f_at_{self.face}"
             lines.append(f"variable     push_{self.name} atom {at}*{push}+(1-{at})*({rest})")
             push = f"v_push_{self.name}"
@@ -84,7 +84,7 @@ class OnWall:
         return lines
 
     def overlap(self) -> str:
-        """Return the smallest overlap over that at rest, from the smallest push; never above the truth."""
+        """Return the smallest overlap over that at rest, from the smallest push; a lower bound."""
         push = f"c_press_{self.name}" if self.inward > 0 else f"-c_press_{self.name}"
         if self.dashpot:
             push += f"-{self.dashpot!r}*c_lift_{self.name}"
@@ -93,7 +93,7 @@ class OnWall:
         return self.sphere.contact_law.overlap_of_share(share, self.sphere.contact_force)
 
     def slip(self, friction: str) -> str:
-        """Return the largest shear force over the sliding force of the contact that touches least."""
+        """Return the largest shear force over the sliding force of the weakest contact."""
         drag = "+".join(f"c_drag_{self.name}[{part}]^2" for part in (1, 2))
         left, load = f"v_left_{self.name}", self.sphere.contact_force
         rest = self.sphere.contact_law.above_pull_off(left, load, self.holding_force)
@@ -109,7 +109,7 @@ def fixes(problem: Prepared) -> dict[str, list[str]]:
 
 
 def at_rest_lines(problem: Prepared) -> list[str]:
-    """Return the lines that keep which spheres touch a wall at rest."""
+    """Return the lines that store which spheres touch a wall at rest."""
     lines = []
     for face in fixes(problem):
         place = problem.units.number(problem.rest.planes[face] * problem.scene.sphere.radius, length=1)
@@ -122,6 +122,6 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 
 
 def missed(problem: Prepared) -> str:
-    """Return the terms "+abs(...)", one a wall, that are 1 of a sphere that has left a wall or come to it; or ""."""
+    """Return a term "+abs(...)" for each wall, which is 1 for a sphere that has left or reached it; or ""."""
     terms = ("-".join([f"f_at_{face}", *(f"f_{name}[1]" for name in names)]) for face, names in fixes(problem).items())
     return "".join(f"+abs({term})" for term in terms)

@@ -1,18 +1,17 @@
-"""The lines of a deck that begin contacts at rest, and that count the contacts that have opened or formed since.
+"""Lines of a deck that begin contacts at rest, and that count the contacts that have opened or formed since.
 
-Contacts that end at an overlap of 0 LAMMPS begins and counts by itself, sphere by sphere (``contact/atom``). Contacts
-that adhere beyond (`AdhesionLaw.beyond`) it begins at an overlap of 0, and has no count of. So
+LAMMPS begins and counts contacts that end at overlap 0, sphere by sphere (``contact/atom``). Contacts that adhere
+beyond overlap 0 (`AdhesionLaw.beyond`) it begins at overlap 0 and does not count. Therefore
 
 * *at rest* all spheres are made wider for a moment, by more than any pull-off distance. All contacts begin, and those
-  that have no contact at rest end again when the spheres have their size back;
+  that do not exist at rest end when the spheres return to their size;
 * *equal spheres* are counted within the pull-off distance, sphere by sphere;
-* *of other spheres* LAMMPS counts its own contacts. Of a pair without contact the components from ``p10`` on of the
-  vector between the centres are 0, so contacts are the pairs in which one of them is beyond ±R/2. Those along one axis
-  or along all, as the crystal needs it, are counted in a histogram of three bins, which has LAMMPS compute the
-  contacts once more at a look. All spheres are counted, also those that cannot affect the record. A contact that forms
-  in the look in which another opens makes up for it. One that opens comes back to overlap 0 before it forms again:
-  where that takes more than a look (`lingers`), no opening is missed, and no contact is suspected of one because it is
-  pulled as hard as the weakest can bear.
+* contacts of *unequal spheres* are counted by LAMMPS. For a pair without contact the components of the vector between
+  the centres, from ``p10`` on, are 0, so contacts are pairs with a component beyond ±R/2. A histogram of three bins
+  counts them along one axis or along all, as the crystal needs; for this LAMMPS computes the contacts again at each
+  look. All spheres are counted, even if they cannot affect the record. A contact that forms at the same look as another
+  opens cancels it. An open contact must return to overlap 0 before it forms again. If this takes longer than a look
+  (`lingers`), no opening is missed, and a strongly pulled contact need not count as open.
 """
 
 from functools import reduce
@@ -28,38 +27,38 @@ from granular_lmp.rest.at_rest import law_at_rest
 from granular_lmp.rest.looks import LOOKS
 from granular_lmp.rest.scene import Scene
 
-PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
-WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out
+PULL_OFF = 1e-9  # share of a pull-off distance in which contacts are not counted, as a margin for rounding
+WIDER = 1.2  # in largest pull-off distances, so that rounding does not leave out a contact
 _NEAR = 0.2  # R: pairs with a larger gap at rest do not meet
-_MAY = "; + 1 if one may have opened between looks"
+_MAY = "; + 1 if a contact may have opened between looks"
 
 
 def by_pairs(scene: Scene) -> bool:
-    """Return whether LAMMPS's own contacts are counted: of unequal spheres that adhere beyond an overlap of 0."""
+    """Return whether the contacts in LAMMPS are counted: for unequal spheres that adhere beyond overlap 0."""
     return not scene.perfect and scene.sphere.pull_off_distance > 0 and not alike(scene)
 
 
 def lingers(problem: Prepared) -> bool:
-    """Return whether a contact that oscillates, and is just pulled off, is open for longer than a look.
+    """Return whether an oscillating contact that is just pulled off stays open for longer than a look.
 
-    About the overlap δ at rest it comes from the pull-off distance h back to 0 in the phase arccos(δ/(δ + h)).
+    Around the overlap δ at rest it returns from the pull-off distance h to 0 within a phase of arccos(δ/(δ + h)).
     """
     deepest, reach = problem.rest.contacts.overlap.max(), problem.scene.sphere.pull_off_distance
     return bool(np.arccos(deepest / (deepest + reach)) > 2 * np.pi / LOOKS)
 
 
 def begins_wider(problem: Prepared) -> bool:
-    """Return whether a contact at rest is one that LAMMPS does not begin by itself."""
+    """Return whether LAMMPS does not begin some contact at rest by itself."""
     return by_pairs(problem.scene) and bool((problem.rest.contacts.overlap <= 0).any())
 
 
 def begin(problem: Prepared) -> list[str]:
-    """Return the block that begins all contacts at rest, empty where LAMMPS does by itself."""
+    """Return the block that begins all contacts at rest; empty if LAMMPS begins them by itself."""
     if not begins_wider(problem):
         return []
     reach = float(np.max(-law_at_rest(problem.scene).pull_off_overlap / problem.rest.contacts.radii))
     return [
-        "# --- begin: LAMMPS begins a contact at overlap 0, and some adhere beyond: wider for a moment, all begin",
+        "# --- begin: LAMMPS begins contacts at overlap 0, but some adhere beyond: spheres are wider for a moment",
         "fix          own all store/state 0 diameter",
         "variable     own atom f_own",
         f"variable     wider atom f_own*{1 + WIDER * reach!r}",
@@ -74,7 +73,7 @@ def begin(problem: Prepared) -> list[str]:
 def at_rest_lines(problem: Prepared) -> list[str]:
     """Return the lines that count the contacts of each sphere at rest, before the first run.
 
-    LAMMPS counts them, so that the number is that of the data file.
+    LAMMPS counts them, so the numbers belong to the data file.
     """
     walls = on_walls.at_rest_lines(problem)
     if by_pairs(problem.scene):
@@ -87,9 +86,9 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 
 
 def changed_lines(problem: Prepared) -> list[str]:
-    """Return the lines of the contacts that have opened or formed: the most of one sphere, or of all by pairs.
+    """Return the lines that count contacts that have opened or formed: the most of one sphere, or all by pairs.
 
-    A contact that hardly touches counts as one, as it may open between two looks.
+    A contact that hardly touches counts as open, as it may open between two looks.
     """
     scene = problem.scene
     near = "" if judged_singly(scene) else f"({nearly_open(problem.rest):.4f}>v_overlap)"
@@ -109,7 +108,7 @@ def changed_lines(problem: Prepared) -> list[str]:
     may = "" if lingers(problem) or not near else f"+(v_changed==0)*{near}"
     left, sums = on_walls.missed(problem)[1:], "compute      missing all reduce sum v_missed"
     return [
-        "# contacts that were there at rest and are not now, or new",
+        "# contacts that existed at rest and do not now, or new contacts",
         *([f"variable     missed atom {left}", sums] if left else []),
         *([f"compute      pairs all pair/local{mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
         *off,
@@ -119,11 +118,11 @@ def changed_lines(problem: Prepared) -> list[str]:
 
 
 def counted_lines(problem: Prepared) -> list[str]:
-    """Return the lines that count LAMMPS's own contacts at each look."""
+    """Return the lines that count the contacts in LAMMPS at each look."""
     scene = problem.scene
     if not by_pairs(scene):
         return []
-    # Bins are R wide. Pairs without contact are in the middle one, and those that are farther than 1.5 R in the outer
+    # Bins are R wide. Pairs without contact are in the middle bin, and pairs farther than 1.5 R in the outer bins
     most = repr(1.5 * problem.units.number(scene.sphere.radius, length=1))
     # Columns of `contact_lines`, or of the pairs of all spheres
     column = "c_pairs[{}]" if watches_part(scene) else "c_contact[{}]"
@@ -136,9 +135,9 @@ def counted_lines(problem: Prepared) -> list[str]:
 
 
 def _axes(problem: Prepared) -> dict[str, int]:
-    """Return the axes along which contacts are counted, and how many have a component above R/2 along them at rest.
+    """Return the axes along which contacts are counted, and the number with a component above R/2 along them at rest.
 
-    One axis is enough if all contacts, and all pairs that may form one, have that component: x in a hexagonal lattice,
+    One axis is enough if all contacts, and all pairs that may form one, have this component: x in a hexagonal lattice,
     y in a chain.
     """
     scene, contacts, wider = problem.scene, problem.rest.contacts, problem.rest.atoms.copy()

@@ -1,7 +1,8 @@
-"""Quiet ends: damped rows in front of the held ones, so that no echo comes back (`granular_lmp.crystal.quiet_ends`).
+"""Quiet ends: damped rows before the held rows prevent an echo (`granular_lmp.crystal.quiet_ends`).
 
-Their drag is no force. LAMMPS computes forces with the velocities of half a step ago, and sets a run up with those of
-the whole step: a force of drag errs by first order in the step, and a resumed run begins with another one.
+Their drag is not a force in LAMMPS, which computes forces with the velocities of half a step ago, but sets up a run
+with those of the whole step. A drag force would have an error of first order in the step, and a resumed run would begin
+with another force.
 """
 
 from granular_lmp.effects.case import Case, Finding
@@ -14,7 +15,7 @@ from granular_lmp.rest.scene import Scene
 
 
 def motion(problem: Prepared) -> list[str]:
-    """Return the lines that damp the rows in front of the held ones."""
+    """Return the lines that damp the rows before the held rows."""
     scene, units = problem.scene, problem.units
     end = quiet_end_of(scene)
     assert end is not None  # the effect is on
@@ -30,9 +31,9 @@ def motion(problem: Prepared) -> list[str]:
     ]
     return [
         "",
-        f"# --- quiet ends: in row n of the {rows} before a held one velocities decay at the rate",
+        f"# --- quiet ends: in row n of the {rows} rows before a held row, velocities decay at the rate",
         f"#     c = {strength} (n/{rows})^{power} per t0, by (1 - c step/2)/(1 + c step/2) at the end of",
-        f"#     a step; {end.reflection:.1e} of the amplitude comes back at this step",
+        f"#     a step; {end.reflection:.1e} of the amplitude is reflected at this step",
         f"variable     depth atom round({place}/{first!r})",
         "variable     deep  atom v_depth>0",
         "group        quiet variable deep",
@@ -50,8 +51,8 @@ def called_for(case: Case) -> Finding:
     end = quiet_end_of(case.scene)
     if end is None:
         return Finding(False, 0.0, "no rows absorb the wave")
-    oblique = "; of waves along y, while oblique ones are not judged" if not uniform_rows(case.scene) else ""
-    return Finding(True, end.reflection, f"{{}} of the amplitude comes back from {end.rows} rows at an end{oblique}")
+    oblique = "for waves along y; oblique waves are not included" if not uniform_rows(case.scene) else ""
+    return Finding(True, end.reflection, f"{{}} of the amplitude is reflected by {end.rows} rows at an end{oblique}")
 
 
 def loss(case: Case) -> str:

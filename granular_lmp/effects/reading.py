@@ -1,4 +1,4 @@
-"""Guards read contacts in LAMMPS by the lines of a deck that stand here."""
+"""Lines of a deck with which guards read contacts in LAMMPS."""
 
 import numpy as np
 
@@ -14,23 +14,24 @@ from granular_lmp.rest.scene import Scene
 
 @dataclass(frozen=True)
 class Reading:
-    """Settings by which guards read the contacts of a scene.
+    """Settings for guards that read the contacts of a scene.
 
-    LAMMPS gives lengths and forces of contacts, and no radii. Dashpots are in the forces, which may then pull although
-    the spheres are pressed, or press although they are about to part.
+    LAMMPS returns lengths and forces of contacts, but no radii. The forces include dashpots, so they may pull although
+    the spheres are compressed, or push although they are about to separate.
 
     Attributes
     ----------
     lengths : bool
-        True if overlaps are those of lengths, as all contacts are alike. Otherwise they follow from normal forces.
+        True if overlaps follow from lengths, because all contacts are alike. Otherwise they follow from normal forces.
     dashpots : bool
-        True if these forces hold dashpots. Overlaps are then lower bounds: the fastest two spheres may part.
+        True if these forces include dashpots. Overlaps are then lower bounds, since the fastest two spheres may
+        separate.
     whole : bool
-        True if contacts slide at μ times the whole normal force, with its dashpot: LAMMPS's Hertz contacts.
+        True if contacts slide at μ times the whole normal force including its dashpot, as Hertz contacts in LAMMPS do.
     sphere : Sphere
         Sphere of the lattice, which has the law.
     holding_force, adhesive_force, dashpot : float
-        F + F0 of the sphere, adhesion of the weakest contact and dashpot of the strongest one, in units of the deck.
+        F + F0 of the sphere, adhesion of the weakest contact, and strongest dashpot, in units of the deck.
     walls : tuple of OnWall
         Contacts with walls.
     axes : int
@@ -68,12 +69,12 @@ class Reading:
         return self.sphere.contact_law
 
     def overlap_of_share(self, share: str) -> str:
-        """Return the overlap, in Δ0, of two spheres of the lattice whose f_N + F is a share of that at rest."""
+        """Return the overlap, in Δ0, of two spheres of the lattice whose f_N + F is this share of the value at rest."""
         return self.law.overlap_of_share(share, self.sphere.contact_force)
 
     @property
     def forces(self) -> bool:
-        """True if normal forces are read."""
+        """True if guards read normal forces."""
         return not self.lengths or self.whole
 
 
@@ -84,15 +85,15 @@ def alike(scene: Scene) -> bool:
 
 
 def judged_singly(scene: Scene) -> bool:
-    """Return whether openings are judged contact by contact: the smallest overlap of all is only a lower bound.
+    """Return whether openings are judged contact by contact, because the smallest overlap is only a lower bound.
 
-    Contacts that hold beyond an overlap of 0 are counted.
+    Contacts that hold beyond overlap 0 are counted instead.
     """
     return scene.effects.damping is True and not alike(scene) and not scene.sphere.pull_off_distance
 
 
 def contact_lines(how: Reading) -> list[str]:
-    """Return the lines that measure the contacts of the group inside: lengths, shear forces, perhaps normal forces."""
+    """Return the lines that measure contacts in the group inside: lengths, shear forces, perhaps normal forces."""
     forces = f" force{how.law.mark(how.axes)} cutoff {how.law.cutoff}" if how.forces else ""
     lines = [
         f"compute      contact inside pair/local dist p4{forces}",
@@ -107,15 +108,15 @@ def contact_lines(how: Reading) -> list[str]:
 
 
 def overlap_lines(how: Reading) -> list[str]:
-    """Return the lines of the variable ``overlap``, the smallest overlap of contacts that touch, in Δ0.
+    """Return the lines of the variable ``overlap``, the smallest overlap of touching contacts, in Δ0.
 
-    That with a wall is over its own overlap at rest. The smallest one between spheres alone is `between`.
+    An overlap with a wall is relative to that at rest. `between` is the smallest overlap between spheres.
 
     Parameters
     ----------
     how : Reading
-        With `lengths` the overlap of a contact is 2R less its length. Otherwise it is that of two spheres of the
-        lattice that have the smallest normal force; with `dashpots` of that force less the most that a dashpot adds.
+        With `lengths` the overlap of a contact is 2R minus its length. Otherwise it is that of two spheres of the
+        lattice under the smallest normal force; with `dashpots` the largest dashpot force is subtracted first.
     """
     lines, smallest = _between(how), between(how)
     for each in how.walls:
@@ -145,10 +146,10 @@ def _between(how: Reading) -> list[str]:
     squares = (f"c_swift[{axis}]^2" for axis in range(1, how.axes + 1))
     swift = f"sqrt({'+'.join(squares)})"
     share = "(1e-9+(v_spring>0)*((v_spring<1)*v_spring+(v_spring>=1)))"
-    # The dashpot of a restitution grows with the force: its bound, and so that of the overlap, are of the force at rest
+    # The dashpot of a restitution grows with the force; its bound, and so that of the overlap, assume the force at rest
     return [
         f"variable     spring equal ({least}-2*{how.dashpot!r}*{swift})/{holding}"
-        "  # smallest normal force less the largest of a dashpot",
+        "  # smallest normal force minus the largest dashpot force",
         f"variable     {name} equal {how.overlap_of_share(share)}"
         "  # overlap under that force, in Delta0: a lower bound",
     ]

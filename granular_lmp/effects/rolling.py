@@ -1,10 +1,10 @@
-"""Rolling resistance: a contact resists that its spheres roll on each other, by a spring, a dashpot and a friction.
+"""Rolling resistance: a spring, a dashpot and a friction act against the rolling of two spheres on each other.
 
-LAMMPS's ``rolling sds``: with the roll ρ = Rc(φ_j/R_j − φ_i/R_i) of a contact, Rc = RiRj/(Ri + Rj) and φ = Rθ, a force
+``rolling sds`` in LAMMPS: with the roll ρ = Rc(φ_j/R_j − φ_i/R_i) of a contact, Rc = RiRj/(Ri + Rj) and φ = Rθ, a force
 
     f_r = −k_r ρ − γ_r dρ/dt,    |f_r| ≤ μ_r (f_N + 2F)
 
-makes the torques ±Rc f_r (Luding, Granular Matter 10, 235 (2008)). Below the cap it is a spring of the linear problem
+exerts the torques ±Rc f_r (Luding, Granular Matter 10, 235 (2008)). Below the cap it is a spring of the linear problem
 (`granular_lmp.crystal.modes.Physics.rolling`).
 """
 
@@ -21,8 +21,8 @@ def called_for(case: Case) -> Finding:
     effects, sphere = case.scene.effects, case.scene.sphere
     if effects.rolling_stiffness == 0:
         return Finding(False, 0.0, "the rolling stiffness is 0: spheres roll freely")
-    if effects.rolling_friction == 0:  # refused below, where the effect is not forced off
-        return Finding(True, np.inf, "no cap of the rolling force is declared")
+    if effects.rolling_friction == 0:  # refused below, if the effect is not forced off
+        return Finding(True, np.inf, "no cap on the rolling force is declared")
     if case.scene.wave is None:
         return Finding(True, np.inf, case.every_mode)
     rolls = contact_rolls(wave_contacts(case.scene), sphere, case.mode)
@@ -64,7 +64,7 @@ def refuse(case: Case) -> str:
 
 
 def order(scene: Scene) -> int:
-    """Return 1 with a dashpot, as LAMMPS's use the velocity of half a step before, else 2."""
+    """Return 1 with a dashpot, which uses the velocity of half a step earlier, else 2."""
     return 1 if scene.effects.rolling_viscosity else 2
 
 

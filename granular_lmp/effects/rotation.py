@@ -1,4 +1,4 @@
-"""Rotation: spheres turn, because shear forces act at their surface. An L wave along y turns none, by symmetry."""
+"""Rotation: spheres turn, because shear forces act at their surface. By symmetry an L wave along y turns none."""
 
 from math import inf
 
@@ -11,7 +11,7 @@ from granular_lmp.rest.linear import uniform_rows, wave_contacts
 
 
 def preload(problem: Prepared) -> list[str]:
-    """Return the lines that turn the spheres on their way to the wave; a state has no angles."""
+    """Return the lines that turn the spheres during the preload of a wave; a state has no angles."""
     if problem.scene.wave is None:
         return []
     return [
@@ -21,7 +21,7 @@ def preload(problem: Prepared) -> list[str]:
 
 
 def wave(problem: Prepared) -> list[str]:
-    """Return the lines of the true spins."""
+    """Return the lines that set the initial spins."""
     state = "+d_sspin{axis}" if problem.scene.start.moves else ""
     return [
         *(f"variable     om{axis} atom v_D0*d_vphi{axis}/v_R/v_t0{state.format(axis=axis)}" for axis in turns(problem)),
@@ -30,7 +30,7 @@ def wave(problem: Prepared) -> list[str]:
 
 
 def measured(problem: Prepared) -> list[str]:
-    """Return the lines of the largest torque."""
+    """Return the lines that measure the largest torque."""
     stiffness = problem.units.number(problem.scene.sphere.shear_stiffness, mass=1, time=-2)
     if problem.scene.space == 2:
         columns, inputs, largest = "tqz", "c_torques", "c_turn"
@@ -62,18 +62,18 @@ def called_for(case: Case) -> Finding:
     share = spin / (moved + spin)
     reason = f"rotation has {{}} of the kinetic energy of {case.wave_words}"
     if case.mode.cell:
-        return Finding(True, share, reason + ", and the numbers of branches count its waves")
+        return Finding(True, share, reason + ", and branches are numbered with it")
     if case.every_mode:
         return Finding(True, share, f"{reason}, but {case.every_mode}")
     if "sides" in case.scene.shape.faces:
         return Finding(True, share, f"{reason}, but at sides that are {case.scene.shape.sides} spheres turn")
     if not case.scene.layered:
-        return Finding(True, share, reason + ", but where spheres differ or are missing every wave turns some")
+        return Finding(True, share, reason + ", but every wave turns some spheres if spheres differ or are missing")
     if case.scene.envelope.width > 0:
         return Finding(True, share, reason + ", but at the sides of a beam spheres turn")
-    if case.scene.wave.mode == "RT":  # at K along x the wave turns no sphere, but the branch exists only with rotation
+    if case.scene.wave.mode == "RT":  # at K along x the wave turns no spheres, but the branch exists only with rotation
         return Finding(True, share, reason)
-    mirrored = case.mode.name == "L" and uniform_rows(case.scene)  # Rows that lie across the wave keep its mirror
+    mirrored = case.mode.name == "L" and uniform_rows(case.scene)  # Rows normal to the wave keep its mirror symmetry
     undisturbed = case.scene.perfect and case.scene.shape.along_y
     if share <= NOTHING and not (mirrored or undisturbed):
         ends = "held rows" if case.scene.shape.infinite else "ends"

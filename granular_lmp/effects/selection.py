@@ -1,4 +1,4 @@
-"""The selection of effects: the list of all effects, and the choice among them for a scene."""
+"""Selection of effects: the list of all effects, and the choice for a scene."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -26,18 +26,17 @@ from granular_lmp.errors import SceneError
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-# In the order in which they build on one another
+# each effect after those that it needs
 EFFECTS: tuple[Effect, ...] = (
     *(ADHESION, SHEAR, ROTATION, TRACKING, DAMPING, SLIDING, CONTACT_OPENING),
     *(ROLLING, TWISTING, LATE_PARTING, WALLS, QUIET_ENDS, WIDTH),
 )
-# Limits of what a run shows, which fail it: of the model of spheres that meet, and of the time of a wave; no effects of
-# a deck
+# Limits that can fail a run but are not effects of a deck: of the model of spheres that meet, and of the time of a wave
 LIMITS: tuple[Effect, ...] = (DEEP_OVERLAP, LONG_STEP, CREEP)
 
 
 def of(scene: Scene) -> tuple[Effect, ...]:
-    """Return the effects of a scene and the limits of what its run shows, those that are of such scenes."""
+    """Return the effects and limits that scenes of this kind have."""
     every = (*EFFECTS, *LIMITS)
     if scene.held_at_rest:
         return tuple(each for each in every if each.called_for and each.concerns(scene))
@@ -45,20 +44,20 @@ def of(scene: Scene) -> tuple[Effect, ...]:
 
 
 def guards() -> dict[str, Guard]:
-    """Return the guards of all effects and limits by their titles."""
+    """Return the guards of all effects and limits by title."""
     every = (*EFFECTS, *LIMITS)
     of_meeting = (each.meeting.guards for each in every if each.meeting)
     return {guard.title: guard for each in (*(effect.guards for effect in every), *of_meeting) for guard in each}
 
 
 def select(scene: Scene) -> list[Chosen]:
-    """Return the effects of a scene, each on or off, in the order in which they build on one another.
+    """Return the effects of a scene, each on or off, every effect after those that it needs.
 
     Raises
     ------
     SceneError
-        If an effect is forced on without the effect or the coefficient that it needs, if adhesive contacts have a
-        restitution, which LAMMPS does not offer, or if contacts slide at any friction.
+        If an effect is forced on without the effect or coefficient that it needs, if adhesive contacts have a
+        restitution, which LAMMPS lacks, or if contacts slide at any friction.
     """
     on: dict[str, bool] = {}
     chosen = []
@@ -67,7 +66,7 @@ def select(scene: Scene) -> list[Chosen]:
     effects = of(scene)
     for effect in effects:
         rule = effect.called_for
-        assert rule is not None  # as `of` has it
+        assert rule is not None  # as in `of`
         case, possible = Case(scene, dict(on), modes, slips), on.get(effect.needs, True)
         needed = Finding(False, 0.0, f"{effect.name} needs {effect.needs}, which is off")
         finding = rule(case) if possible else needed
@@ -108,18 +107,18 @@ def lines(block: str, problem: Prepared) -> list[str]:
 
 
 def order(scene: Scene) -> int:
-    """Return the order of LAMMPS's error in the time step: 2 for velocity Verlet, or what the effects leave of it."""
+    """Return the order in the time step of the error of LAMMPS: 2 for velocity Verlet, or less with some effects."""
     acting = (each for each in of(scene) if not each.forces or each.wanted(scene) is True)
     return min((each.order(scene) for each in acting), default=2)
 
 
 def with_all(scene: Scene) -> Scene:
-    """Return the scene with every effect on that neither changes its lattice nor needs a coefficient, to compare.
+    """Return the scene with every effect on that neither changes its lattice nor needs a coefficient.
 
     Raises
     ------
     SceneError
-        If the scene has no wave, which says how large the effects are.
+        If the scene has no wave, which determines the size of the effects.
     """
     if scene.wave is None:
         raise SceneError("--all-effects: is for the scene of a wave; must be left out, and effects.friction declared")
@@ -127,7 +126,7 @@ def with_all(scene: Scene) -> Scene:
 
 
 def remarks(scene: Scene) -> list[str]:
-    """Return a sentence for each effect that runs although the scene, as declared, switches it off."""
+    """Return a sentence for each effect that is on although the scene switches it off."""
     return [
         f"{effect.key} = false is read as true: {reason}"
         for effect in of(scene)
@@ -136,7 +135,7 @@ def remarks(scene: Scene) -> list[str]:
 
 
 def warnings(chosen: Iterable[Chosen]) -> list[str]:
-    """Return a warning for each effect that is forced off although the scene calls for it, with the error it causes."""
+    """Return a warning for each effect that is forced off although the scene needs it, with the error it causes."""
     return [
         f"{effect.switch} is off, but {effect.finding}; without it {effect.loss}"
         for effect in chosen

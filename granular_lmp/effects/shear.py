@@ -1,7 +1,7 @@
-"""Shear: contacts resist a slip of their spheres by Mindlin's stiffness g = B √δ.
+"""Shear: contacts resist the slip of their spheres with the Mindlin stiffness g = B √δ.
 
-The law, "secant" (the paper's) or "incremental", determines the effect of a changing overlap on the shear force
-(docs/choosing-a-shear-law.md).
+The law, "secant" (as in the paper) or "incremental", determines how a changing overlap affects the shear force
+(page Contact laws).
 """
 
 from math import inf
@@ -19,7 +19,7 @@ def called_for(case: Case) -> Finding:
     lattice, sphere = wave_contacts(case.scene), case.scene.sphere
     if sphere.contact_force and not bears_compression(lattice, shear=False):
         return Finding(
-            True, sphere.contact_force, "{} N press a lattice together that would buckle without shear forces"
+            True, sphere.contact_force, "{} N press the lattice together, which would buckle without shear forces"
         )
     if case.scene.wave is None:
         return Finding(True, inf, case.every_mode)
@@ -31,7 +31,7 @@ def called_for(case: Case) -> Finding:
         return Finding(
             True,
             largest,
-            "the wave shears contacts by {} D0, but where the spheres of a row do not move alike others are sheared",
+            "the wave shears contacts by {} D0, but the spheres of a row do not move alike and shear others",
         )
     return Finding(largest > NOTHING, largest, f"{case.wave_words} shears contacts by up to {{}} D0")
 
@@ -55,12 +55,12 @@ def law(scene: Scene, on: bool) -> LawPart:
 
 
 def order(scene: Scene) -> int:
-    """Return 1 of the incremental law, as LAMMPS sums its force with the stiffness at one end of the step, else 2."""
+    """Return 1 for the incremental law, which sums with the stiffness at one end of a step, else 2."""
     return 1 if scene.effects.shear_law == "incremental" else 2
 
 
 def order_of_meeting(scene: Scene) -> int:
-    """Return the order where spheres rub, 2 where none does."""
+    """Return the order with friction, or 2 without."""
     return order(scene) if float(scene.effects.friction) > 0 else 2
 
 

@@ -14,7 +14,7 @@ from granular_lmp.scene.schema import AUTO
 
 
 def variables(problem: Prepared) -> list[str]:
-    """Return the variable of the friction; the law of spheres that meet holds the number, in units of their own."""
+    """Return the variable of the friction; for spheres that meet the law contains the number."""
     if problem.units.own:
         return []
     return [f"variable friction index {problem.scene.effects.friction!r}  # Coulomb friction: contacts may slide"]
@@ -34,7 +34,7 @@ def variables_off(problem: Prepared) -> list[str]:
 
 
 def measured(problem: Prepared) -> list[str]:
-    """Return the lines of the variable ``slip``, the largest share of a shear force in the sliding force."""
+    """Return the lines of the variable ``slip``, the largest ratio of shear force to sliding force."""
     how, friction = Reading.of(problem), judged_friction(problem)
     pairs = f"c_extreme[2]/({friction}*{sliding_force(how)})"
     if not how.walls:
@@ -50,9 +50,10 @@ def measured(problem: Prepared) -> list[str]:
 
 
 def judged_friction(problem: Prepared) -> str:
-    """Return the friction by which slips are judged, as LAMMPS's expression.
+    """Return the friction that limits slips, as an expression of LAMMPS.
 
-    It is the smaller one of the deck, at which contacts slide in the run, and of the spheres, if the scene gives one.
+    It is the smaller of two: that of the deck, at which contacts slide in the run, and that of the spheres, if
+    declared.
     """
     given = problem.scene.effects.friction
     if given == AUTO:
@@ -64,20 +65,20 @@ GUARD = Guard(
     title="largest_slip",
     name="slip",
     lines=measured,
-    limit=1 - 1e-9,  # a contact that slides bears just the sliding force
+    limit=1 - 1e-9,  # a sliding contact has exactly the sliding force
     hides=True,
-    meaning="of the sliding force: contacts may have slid, which the model does not",
+    meaning="of the sliding force: contacts may slide in reality, but not in the model",
     cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
     "wave.amplitude or a slower striker",
     of_contacts=True,
-    per_contact=lambda scene: not (scene.wall or scene.rigid),  # the bound decides for contacts with a wall
+    per_contact=lambda scene: not (scene.wall or scene.rigid),  # for contacts with a wall the bound decides
 )
 
 
 def sliding_force(how: Reading) -> str:
-    """Return a lower bound of the sliding force of two spheres over μ in LAMMPS's syntax, exact in the DMT law.
+    """Return a lower bound of the sliding force of two spheres over μ in LAMMPS syntax; exact for the DMT law.
 
-    It is that of the smallest overlap, or of the smallest normal force if the limit is that of the `whole` force.
+    It belongs to the smallest overlap, or to the smallest normal force if the `whole` force limits sliding.
     """
     if how.whole:
         return f"(1e-9*{how.holding_force!r}+(c_weakest>0)*c_weakest)"
@@ -89,7 +90,7 @@ def called_for(case: Case) -> Finding:
     ratio = case.largest_slip()
     if ratio == inf and case.scene.effects.friction != AUTO:
         damped = case.on.get("damping") and not case.on.get("adhesion")
-        opened = "dashpots pull contacts, which then bear" if damped else "contacts open, and an open one bears"
+        opened = "dashpots pull contacts, which then have" if damped else "contacts open, and an open contact has"
         return Finding(True, ratio, f"{opened} no shear force (friction {case.friction:g})")
     if case.scene.effects.friction == AUTO:
         return Finding(
@@ -106,7 +107,9 @@ def of_meeting(case: Case) -> Finding:
 
 def loss(case: Case) -> str:
     ratio = case.largest_slip()
-    return f"shear forces grow to {ratio:.3g} of what friction can hold" if ratio < inf else "open contacts bear shear"
+    return (
+        f"shear forces grow to {ratio:.3g} of the sliding force" if ratio < inf else "open contacts have shear forces"
+    )
 
 
 def refuse(case: Case) -> str:
@@ -124,7 +127,7 @@ def refuse(case: Case) -> str:
         cause = (
             f"in a {motion} this strong, contacts slide before they open"
             if not case.scene.imperfections
-            else f"unequal or missing spheres ({case.scene.imperfections}) leave a contact so weak that it slides in "
+            else f"unequal or missing spheres ({case.scene.imperfections}) make a contact so weak that it slides in "
             f"this {motion}; {weaker} or less disorder helps too"
         )
         return f'effects.friction = "auto": give a number in (0, 1e4]: {cause}'

@@ -1,4 +1,4 @@
-"""Tracking: the angle of each sphere is recorded, by a dipole that turns with it; in space by a quaternion."""
+"""Tracking: a dipole that turns with each sphere, in space a quaternion, records its angle."""
 
 from math import inf
 
@@ -12,18 +12,18 @@ from granular_lmp.scene.sources import TORQUES
 def spheres(problem: Prepared) -> list[str]:
     if problem.scene.space == 3 and not any(each.force in TORQUES for each in problem.scene.source):
         return []
-    return ["mass         * 1.0  # asked for by the dipole style, not used: spheres have their own"]
+    return ["mass         * 1.0  # required by the dipole style but not used, as spheres have their own masses"]
 
 
 def wave(problem: Prepared) -> list[str]:
-    """Return the lines that turn the dipoles by the angles of the wave, or the quaternions by its rotation vectors."""
+    """Return the lines that turn dipoles by the angles of the wave, or quaternions by its rotation vectors."""
     if problem.scene.space == 3:
         return [
             "variable     turn  atom sqrt(d_phix^2+d_phiy^2+d_phiz^2)",
             "variable     unit  atom v_turn+(v_turn==0)",
             *(f"variable     about{axis} atom d_phi{axis}/v_unit" for axis in "xyz"),
             "variable     degrees atom v_D0/v_R*v_turn*180/PI",
-            "set          group all quat v_aboutx v_abouty v_aboutz v_degrees  # LAMMPS wants an axis of length 1",
+            "set          group all quat v_aboutx v_abouty v_aboutz v_degrees  # LAMMPS requires an axis of length 1",
         ]
     return [
         "variable     mx atom cos(v_D0*d_phi/v_R)",
@@ -33,7 +33,7 @@ def wave(problem: Prepared) -> list[str]:
 
 
 def record(problem: Prepared) -> list[str]:
-    """Return the lines of the angle of the spheres that are recorded."""
+    """Return the lines that measure the angle of the recorded spheres."""
     scene = problem.scene
     seen = "all" if scene.wave is None or scene.output.particles > 0 or scene.monitor else "centre"
     if scene.space == 3:

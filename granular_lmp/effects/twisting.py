@@ -1,7 +1,7 @@
-"""Twisting resistance: a contact resists that its spheres turn against each other about its normal.
+"""Twisting resistance: a contact resists the relative rotation of its spheres about the normal.
 
-The law is LAMMPS's ``twisting marshall``. Spheres that move in a plane turn about the axis across it and twist no
-contact, so the effect changes no number of a run; it prepares decks for three dimensions.
+The law is ``twisting marshall`` of LAMMPS. Spheres that move in a plane turn about its normal and twist no contact, so
+the effect does not change a run; it prepares decks for three dimensions.
 """
 
 from granular_lmp.effects.case import Case, Finding

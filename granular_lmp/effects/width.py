@@ -1,4 +1,4 @@
-"""Width: columns beyond the three that stand for any number where the spheres of a row all move alike."""
+"""Width: columns beyond three; three stand for any number if all spheres of a row move alike."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from granular_lmp.rest.scene import Scene
 
 
 def spread(problem: Prepared) -> list[str]:
-    """Return the line of the distance by which spheres of the centre row have moved apart."""
+    """Return the line that measures the distance by which spheres of the centre row have moved apart."""
     first, *others = 1 + centre_row(problem)
     apart = "+".join(
         f"abs(C_u[{other}][{part}]-C_u[{first}][{part}])"
@@ -27,8 +27,8 @@ def spread(problem: Prepared) -> list[str]:
 def centre_row(problem: Prepared) -> NDArray[np.int64]:
     """Return the indices of the spheres of the centre row.
 
-    Of several spheres a cell they are those at the place of the centre sphere, of layers that are shifted along y those
-    at its height.
+    With several spheres per cell they are at the same place in the cell as the centre sphere; in layers shifted along y
+    they are at the same height.
     """
     crystal, (_, along_y) = problem.rest.atoms, offsets(problem.rest.atoms)
     alike = (crystal.arrays["row"] == problem.scene.shape.centre_row) & (places(crystal) == 0)
@@ -36,15 +36,17 @@ def centre_row(problem: Prepared) -> NDArray[np.int64]:
 
 
 def identifiers(row: NDArray[np.int64]) -> str:
-    """Return ascending identifiers for ``group NAME id``: first, last and what they are apart, or one by one."""
-    apart = sorted(set(np.diff(row).tolist()))  # np.unique would import numpy.ma, a twentieth of a short command
+    """Return ascending identifiers for ``group NAME id``: first, last and step, or one by one."""
+    apart = sorted(
+        set(np.diff(row).tolist())
+    )  # np.unique would import numpy.ma, which takes a twentieth of a short command
     if len(apart) > 1:
         return " ".join(map(str, row))
     return f"{row[0]}:{row[-1]}" + "".join(f":{each}" for each in apart if each > 1)
 
 
 def sideways(problem: Prepared) -> list[str]:
-    """Return the lines of the largest distance of a sphere from the line of the chain."""
+    """Return the lines that measure the largest distance of a sphere from the line of the chain."""
     return [
         "compute      aside inside reduce maxabs c_u[1]",
         "variable     sideways equal c_aside/$(v_D0:%.17g)  # in D0",
@@ -76,7 +78,7 @@ SIDEWAYS = Guard(
     lines=sideways,
     limit=BROKEN_SYMMETRY,
     roundings=ROUNDINGS,
-    meaning="in D0, the distance by which a sphere has left the line of the chain: pressed together, it buckles",
+    meaning="in D0, the distance of a sphere from the line of the chain: the compressed chain buckles",
     cure="set a shorter time.duration, and push along y only",
     where=_is_pressed_chain,
 )
@@ -92,9 +94,9 @@ def called_for(case: Case) -> Finding:
         return Finding(
             False,
             columns,
-            f"all spheres of a row move alike, so that {fewest} columns stand for any number; here are {{}}",
+            f"all spheres of a row move alike, so {fewest} columns stand for any number; there are {{}}",
         )
-    return Finding(True, columns, "the spheres of a row do not move alike in this wave; here are {} columns")
+    return Finding(True, columns, "the spheres of a row do not move alike in this wave; there are {} columns")
 
 
 def loss(case: Case) -> str:

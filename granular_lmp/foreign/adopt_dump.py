@@ -6,7 +6,7 @@ One snapshot of each dump is in memory at a time. What the dumps do not say is n
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field
-from itertools import chain
+from itertools import chain, pairwise
 from math import inf, isfinite, pi
 from pathlib import Path
 from typing import IO, Any
@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.foreign.laws import Law
+from granular_lmp.foreign.outside import Outside
 from granular_lmp.foreign.reading import Spheres
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.binary_dump import binary_head, binary_snapshots
-from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, frames
-from granular_lmp.lammps.outputs import UNNAMED, SnapshotPlace, keep_latest, writable
+from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, enclosing, frames
+from granular_lmp.lammps.local_dump import WORDS, checked_words, local_snapshots
+from granular_lmp.lammps.outputs import UNNAMED, UNNAMED_CONTACTS, SnapshotPlace, keep_latest, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import FORMAT
@@ -40,6 +42,7 @@ _VECTORS = {"v": (0, 1, -1), "omega": (0, 0, -1), "f": (1, 1, -2)}
 _PLACE = ("xu", "yu", "zu")
 _COARSE = 1e-3  # of the largest displacement: with fewer than three digits a second harmonic is noise
 _FAR = 0.25  # of a period: half of what could not be told from the opposite way
+_DIGITS = 3e-5  # relative difference of two densities, whose masses and radii were printed by %g
 _NAMED = 5  # spheres that come or go, by number in a sentence
 
 
@@ -59,10 +62,8 @@ class Known:
         The law of each pair of types, where it is known: the witness takes it.
     spheres : Spheres, optional
         Radii and masses of a deck, by ``id``, where neither dump nor `radius` and `density` say them.
-    acting : sequence of str
-        What else acts on spheres: commands of the deck that no witness knows.
-    pushes : mapping of int to (float, float, float)
-        Constant forces on spheres, by ``id``.
+    outside : Outside
+        What acts on spheres beside their contacts.
     """
 
     units: str | None = None
@@ -71,8 +72,7 @@ class Known:
     density: Sequence[float] | None = None
     laws: Mapping[tuple[int, int], Law] = field(default_factory=dict)
     spheres: Spheres | None = None
-    acting: Sequence[str] = ()
-    pushes: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+    outside: Outside = field(default_factory=Outside)
 
     def __post_init__(self) -> None:
         if self.units is not None and self.units not in STYLES:
@@ -85,7 +85,12 @@ class Known:
 
 
 def adopt_dump(
-    dumps: Sequence[str | Path], folder: str | Path, known: Known | None = None, *, force: bool = False
+    dumps: Sequence[str | Path],
+    folder: str | Path,
+    known: Known | None = None,
+    *,
+    contacts: Mapping[Path, Sequence[str] | None] | None = None,
+    force: bool = False,
 ) -> Unnamed:
     """Make the run folder of an unnamed crystal from the dumps of one run, which are not touched.
 
@@ -98,6 +103,9 @@ def adopt_dump(
         The run folder.
     known : Known, optional
         What the dumps do not say.
+    contacts : mapping, optional
+        Local dumps of contacts, each with the words of LAMMPS for its columns (`granular_lmp.lammps.local_dump`), or
+        None if these are their names.
     force : bool
         Replace the files of an earlier run in `folder`.
 
@@ -116,6 +124,8 @@ def adopt_dump(
     if first is None:
         raise RunFolderError(f"{paths[0]}: holds no whole snapshot")
     reading.begin(first)  # what must be known is asked for before a folder is made
+    local = _contacts({absolute(path): words for path, words in (contacts or {}).items()}, reading)
+    first_contacts = next(local, None)
     with locked(place, make=True, force=force):
         clear(place)
         with writable(place), (place / UNNAMED).open("wb") as stream:
@@ -123,12 +133,18 @@ def adopt_dump(
                 for frame in chain([first], snapshots):
                     reading.write(frame, stream)
                 described = reading.described(paths)
+                if first_contacts is not None:
+                    with (place / UNNAMED_CONTACTS).open("wb") as of_contacts:
+                        for piece in chain([first_contacts], local):
+                            of_contacts.write(piece)
             except BaseException:
                 (place / UNNAMED).unlink()
+                (place / UNNAMED_CONTACTS).unlink(missing_ok=True)
                 with suppress(OSError):  # it holds files of the user
                     place.rmdir()
                 raise
-        keep_latest(place / UNNAMED, (SnapshotPlace(*each) for each in _places(place / UNNAMED)))
+        for name in (UNNAMED, *([] if first_contacts is None else [UNNAMED_CONTACTS])):
+            keep_latest(place / name, (SnapshotPlace(*each) for each in _places(place / name)))
         info = {
             "format": FORMAT,
             "status": "finished",
@@ -142,23 +158,13 @@ def adopt_dump(
     return Unnamed.load(place)
 
 
-def _in_si(law: Law, units: Units) -> dict[str, Any]:
-    """Return what ``run.json`` says of a law, in SI units (of units lj in these); a damping also as it stands."""
-    pressure = {"mass": 1, "length": -1, "time": -2}
-    return {
-        "normal": law.normal,
-        "young": units.si(law.young, **pressure),
-        "poisson": law.poisson,
-        "gamma": units.si(law.gamma, mass=1, time=-2),
-        "tangential": law.tangential,
-        "shear_stiffness": None if law.shear_stiffness is None else units.si(law.shear_stiffness, **pressure),
-        "shear_damping": law.shear_damping,
-        "friction": law.friction,
-        "mixed": law.mixed,
-        "damping_law": law.damping_law,
-        "damping": law.damping,
-        "viscosity": units.si(law.damping, mass=1, time=-1),
-    }
+def _refuse_another(step: int, name: str, said: Floats | None, given: Floats) -> None:
+    """Raise RunFolderError where a dump says a quantity and another one was given."""
+    if said is not None and not np.allclose(said, given, rtol=_DIGITS, atol=0.0):
+        worst = int(np.argmax(np.abs(said / given - 1)))
+        raise RunFolderError(
+            f"{name} = {given[worst]:g}: the dump says {said[worst]:g} at step {step}; leave out {name}"
+        )
 
 
 def _by_id(values: Floats, known: Spheres, ids: Floats) -> Floats:
@@ -176,6 +182,28 @@ def _places(path: Path) -> Iterator[tuple[int, int, int, int]]:
         yield each.step, len(each.table), each.begin, each.end
 
 
+def _contacts(dumps: Mapping[Path, Sequence[str] | None], reading: "_Reading") -> Iterator[bytes]:
+    """Yield the snapshots of local dumps as the folder has them, in SI units (of units lj in these)."""
+    units, begins = reading.units, []
+    for path in dumps:
+        snapshot = next(local_snapshots(path, lambda _: None), None)
+        if snapshot is None:
+            raise RunFolderError(f"{path}: holds no whole snapshot")
+        begins.append((snapshot.step, path, checked_words(path, snapshot.names, dumps[path])))
+    for _, path, words in sorted(begins):
+        kept = [(n, word) for n, word in enumerate(words) if word in WORDS]
+        names, factors = [word for _, word in kept], [_factor(units, *WORDS[word]) for _, word in kept]
+        for each in local_snapshots(path, reading.say):
+            numbers = np.ascontiguousarray(each.table[:, [n for n, _ in kept]] * factors)
+            style = "lj" if units.style == "lj" else "si"
+            yield binary_head(each.step, names, len(numbers), [0, 0, 0], np.zeros((3, 2)), units=style)
+            yield numbers.tobytes()
+
+
+def _factor(units: Units, mass: int, length: int, time: int) -> float:
+    return float(units.si(1.0, mass=mass, length=length, time=time))
+
+
 def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
     """Yield the snapshots of the dumps of one run; those with other columns are joined by step."""
     groups: dict[frozenset[str], list[tuple[int, Path]]] = {}
@@ -184,6 +212,12 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
         if first is None:
             raise RunFolderError(f"{path}: holds no whole snapshot")
         groups.setdefault(frozenset(first.columns), []).append((first.step, path))
+    for each in groups.values():
+        for (step, path), (other, after) in pairwise(sorted(each)):
+            if step == other:
+                raise RunFolderError(
+                    f"{after}: begins at step {step}, as {path.name} does; dumps of one run follow one another"
+                )
     streams = [_following([path for _, path in sorted(each)], say) for each in groups.values()]
     while True:
         heads = [next(stream, None) for stream in streams]
@@ -259,13 +293,14 @@ class _Reading:
         if lacking:
             raise RunFolderError(f"step {frame.step}: lacks the column {lacking[0]}, which earlier snapshots have")
         numbers = np.stack([table[name] for name in self.names], axis=1)
-        bounds = np.stack([frame.origin, frame.origin + np.diag(frame.cell)], axis=1)
+        bounds, tilt = enclosing(frame.origin, frame.cell)
         time = None if frame.time is None else float(units.si(frame.time, time=1))
         faces = [0 if each else 1 for each in frame.periodic]
         style = "lj" if units.style == "lj" else "si"
-        bounds = units.si(bounds, length=1)
-        stream.write(binary_head(frame.step, self.names, len(numbers), faces, bounds, units=style, time=time))
-        stream.write(numbers.tobytes())
+        box, tilts = units.si(bounds, length=1), units.si(tilt, length=1) if tilt.any() else None
+        head = binary_head(frame.step, self.names, len(numbers), faces, box, tilt=tilts, units=style, time=time)
+        stream.write(head)
+        stream.write(numbers.data)
 
     def begin(self, frame: Frame) -> None:
         """Find out units and columns from the first snapshot."""
@@ -302,15 +337,18 @@ class _Reading:
         elif radius is None and known is not None:
             radius = _by_id(known.radius, known, ids)
         assert radius is not None
+        _refuse_another(frame.step, "radius", columns.get("radius"), radius)
         table["radius"] = units.si(radius, length=1)
         weight = columns.get("mass")
         if weight is None and self.known.density is None and known is not None:
             weight = _by_id(known.mass, known, ids)
+        if self.known.density is not None:
+            density = self._by_type("density", self.known.density, table["type"])
+            volume = 4 / 3 * pi * radius**3
+            _refuse_another(frame.step, "density", None if weight is None else weight / volume, density)
+            weight = volume * density if weight is None else weight
         if weight is not None:
             table["mass"] = units.si(weight, mass=1)
-        elif self.known.density is not None:
-            density = units.si(self._by_type("density", self.known.density, table["type"]), mass=1, length=-3)
-            table["mass"] = 4 / 3 * pi * table["radius"] ** 3 * density
         places = self._followed(frame)
         table |= {name: units.si(places[:, axis], length=1) for axis, name in enumerate(_PLACE)}
         for name, (mass, length, time) in _VECTORS.items():
@@ -320,11 +358,6 @@ class _Reading:
             for each in there:  # a sheet may have no vz
                 table[each] = units.si(columns.get(each, np.zeros(len(ids))), mass=mass, length=length, time=time)
         return table
-
-    def _held(self) -> list[int]:
-        """Return the spheres that the deck does not move."""
-        known = self.known.spheres
-        return [] if known is None else known.id[~known.moves].tolist()
 
     def _by_type(self, name: str, values: Sequence[float] | None, types: Floats) -> Floats:
         if values is None:
@@ -393,11 +426,6 @@ class _Reading:
             "deforms": self.deforms,
             "resolution": float(units.si(self.resolution, length=1)),
             "come_and_go": sorted(self.come_and_go),
-            "laws": [{"types": [*types], **_in_si(law, units)} for types, law in self.known.laws.items()],
-            "held": self._held(),
-            "acting": [*self.known.acting],
-            "pushes": [
-                [number, *(units.si(each, mass=1, length=1, time=-2) for each in force)]
-                for number, force in self.known.pushes.items()
-            ],
+            "laws": [{"types": [*types], **law.in_si(units)} for types, law in self.known.laws.items()],
+            "outside": self.known.outside.in_si(units),
         }

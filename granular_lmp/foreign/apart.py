@@ -18,6 +18,8 @@ from granular_lmp.errors import DeckError
 from granular_lmp.foreign.reading import Reading, read
 
 SECONDS, MEMORY = 300, 16 * 2**30  # of processor time, and bytes: a million spheres take 20 s and 4 GB
+PATIENCE = 4  # times as long as that, a process may wait for the processor
+AT = ".at"  # ending of the file with the command that LAMMPS executes
 
 
 def read_apart(deck: str | Path, variables: Mapping[str, str] | None = None) -> Reading:
@@ -26,18 +28,19 @@ def read_apart(deck: str | Path, variables: Mapping[str, str] | None = None) -> 
     Raises
     ------
     DeckError
-        As `read`, and if the process dies.
+        As `read`, and if the process dies or takes too long; the message has the command at which it was.
     """
     with tempfile.TemporaryDirectory(prefix="granular-lmp-") as folder:
         request, answer = Path(folder, "request"), Path(folder, "answer")
         request.write_bytes(pickle.dumps((Path(deck).absolute(), dict(variables or {}))))
         command = [sys.executable, "-P", "-m", "granular_lmp.foreign.apart", str(request), str(answer)]
-        done = subprocess.run(command, check=False, capture_output=True, text=True)
+        code, said = _run(command)
         if not answer.exists():
-            if done.returncode == -signal.SIGXCPU:
-                raise DeckError(f"{deck}: LAMMPS did not come to the end of the deck in {SECONDS} s")
-            last = (done.stdout + done.stderr).strip().splitlines()[-1:]
-            raise DeckError(f"{deck}: LAMMPS died while it read the deck: {''.join(last) or done.returncode}")
+            at = f"'{answer.with_suffix(AT).read_text()}'" if answer.with_suffix(AT).exists() else "the deck"
+            if code in (None, -signal.SIGXCPU):
+                raise DeckError(f"{deck}: LAMMPS did not finish {at} in {SECONDS} s")
+            name = signal.strsignal(-code) if code < 0 else None
+            raise DeckError(f"{deck}: LAMMPS died at {at}: {name or said or code}")
         found = pickle.loads(answer.read_bytes())
     if isinstance(found, Exception):
         raise found
@@ -45,13 +48,23 @@ def read_apart(deck: str | Path, variables: Mapping[str, str] | None = None) -> 
     return found
 
 
+def _run(command: list[str]) -> tuple[int | None, str]:
+    """Return the exit status of a command, None if it took too long, and its last line."""
+    try:
+        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=PATIENCE * SECONDS)
+    except subprocess.TimeoutExpired:
+        return None, ""
+    return done.returncode, "".join((done.stdout + done.stderr).strip().splitlines()[-1:])
+
+
 def _answer(request: Path, answer: Path) -> None:
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, 2 * SECONDS))
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     deck, variables = pickle.loads(request.read_bytes())
     found: Any
+    at = answer.with_suffix(AT)
     try:
-        found = read(deck, variables)
+        found = read(deck, variables, lambda command: at.write_text(f"{command.file}:{command.line}: {command}"))
     except Exception as error:  # the other process raises it
         found = error
     part = answer.with_suffix(".part")

@@ -15,13 +15,12 @@ _DIGITS = 3  # of the overlap that a dump should leave
 _POSITIONS = ("x", "y", "z", "xs", "ys", "zs", "xu", "yu", "zu", "xsu", "ysu", "zsu")
 _SINGLE = {"dcd": 7, "xtc": 6, "xyz": 6, "atom": 6}  # digits of the styles of dumps without columns
 _ON_FACE = 1e-9  # distance from a periodic face, in radii
-_WRITTEN = re.compile(r"write_data.*timestep = ([1-9]\d*)")
 
 
 def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
     expected = expected_displacement(reading)
-    gone = {command.words[1] for command in reading.named("undump")}
-    for dump in [] if expected is None else reading.named("dump"):
+    gone = {word for command in reading.named("undump") for word in command.words[1:2]}
+    for dump in [] if expected is None else reading.dumps:
         assert expected is not None
         unit = 0.0 if dump.words[1] in gone else _unit(reading, dump)
         if unit and (left := log10(expected / unit)) < _DIGITS:
@@ -55,7 +54,7 @@ def _formats(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[
     """Return the formats of the columns of a dump."""
     formats = dict.fromkeys(columns, "%g")
     for command in reading.named("dump_modify"):
-        if command.words[1] != dump.words[1]:
+        if command.words[1:2] != (dump.words[1],):
             continue
         for keyword, kind, text in zip(command.words, command.words[1:], command.words[2:], strict=False):
             if keyword == "format" and kind == "float":
@@ -96,15 +95,13 @@ def _forgotten_slip(reading: Reading) -> Iterator[Finding]:
     contacts = contacts_of(reading)
     if contacts is None or not contacts.shear.any():
         return
-    for command, head in reading.data_heads.items():
-        if match := _WRITTEN.search(head):
-            yield Finding(
-                command,
-                f"the file holds step {match[1]} of a run, and {int((contacts.shear > 0).sum())} contacts start "
-                "without slip",
-                None,
-                "write_restart and read_restart, with pair_style and pair_coeff repeated",
-            )
+    for command, step in reading.data_steps.items():
+        yield Finding(
+            command,
+            f"the file holds step {step} of a run, and {int((contacts.shear > 0).sum())} contacts start without slip",
+            None,
+            "write_restart and read_restart, with pair_style and pair_coeff repeated",
+        )
 
 
 def _restart_without_law(reading: Reading) -> Iterator[Finding]:

@@ -113,17 +113,26 @@ class Interpreter:
     at_run : callable
         Called before a command that moves spheres, with the command and its number of steps (None of a minimization);
         it lets LAMMPS compute the forces.
+    tell : callable, optional
+        Called with each command before it is executed.
 
     Attributes
     ----------
     commands : those met so far, in the order of their execution.
     """
 
-    def __init__(self, lmp: Any, deck: Path, at_run: Callable[[Command, int | None], None]):
+    def __init__(
+        self,
+        lmp: Any,
+        deck: Path,
+        at_run: Callable[[Command, int | None], None],
+        tell: Callable[[Command], object] | None = None,
+    ):
         self.lmp = lmp
         self.folder = deck.parent
         self.commands: list[Command] = []
         self._at_run = at_run
+        self._tell = tell or (lambda _: None)
         self._exhausted = False
         self._files: list[tuple[Path, Iterator[tuple[int, str]]]] = []
         self._open(deck)
@@ -164,6 +173,7 @@ class Interpreter:
             return
         command = Command(file, line, words)
         self.commands.append(command)
+        self._tell(command)
         style = words[_PLACE_OF_STYLE[words[0]] :] if words[0] in _PLACE_OF_STYLE else ()
         if words[0] != "pair_style":  # a hybrid one names several
             style = style[:1]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw, Dmt, Jkr
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.frozen import dataclass
+from granular_lmp.units import Units
 
 Floats = NDArray[np.float64]
 
@@ -128,6 +129,24 @@ class Law:
         if "hooke" in self.normal:
             return float(np.pi * np.sqrt(mass / normal[0]))
         return float(2.943 * (5 * mass * speed**2 / (4 * normal[0] / 1.5)) ** 0.4 / speed)
+
+    def in_si(self, units: Units) -> dict[str, Any]:
+        """Return what ``run.json`` says of a law, in SI units (of units lj in these); a damping also as it stands."""
+        pressure = {"mass": 1, "length": -1, "time": -2}
+        return {
+            "normal": self.normal,
+            "young": units.si(self.young, **pressure),
+            "poisson": self.poisson,
+            "gamma": units.si(self.gamma, mass=1, time=-2),
+            "tangential": self.tangential,
+            "shear_stiffness": None if self.shear_stiffness is None else units.si(self.shear_stiffness, **pressure),
+            "shear_damping": self.shear_damping,
+            "friction": self.friction,
+            "mixed": self.mixed,
+            "damping_law": self.damping_law,
+            "damping": self.damping,
+            "viscosity": units.si(self.damping, mass=1, time=-1),
+        }
 
     def dashpot(self, radius: Floats, overlap: Floats, mass: Floats) -> Floats:
         """Return the coefficient of the normal force over the approaching velocity, with the effective mass."""

@@ -4,8 +4,9 @@
 bring down the process, so that commands read it by `granular_lmp.foreign.apart`.
 """
 
+import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,9 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _PAIRS = "compute granular_lmp_{} all {} cutoff type"
+_WRITTEN = re.compile(r"write_data.*timestep = ([1-9]\d*)")
+_OF_A_DUMP = 6  # words
+DUMPS = ("custom", "custom/gz", "custom/mpiio", "atom", "atom/gz")  # styles of dumps of spheres
 _LOCAL, _ARRAY, _ATOM = 2, 2, 1  # LMP_STYLE_LOCAL, LMP_TYPE_ARRAY, LMP_VAR_ATOM
 
 
@@ -54,7 +58,7 @@ class Spheres:
     ----------
     id, type : (N,) arrays.
     radius, mass : (N,) arrays.
-    position, velocity, force, torque : (N, 3) arrays; forces and torques hold those of all fixes too.
+    position, velocity, spin, force, torque : (N, 3) arrays; forces and torques hold those of all fixes too.
     moves : (N,) array; whether an integrator moves the sphere.
     turns : (N,) array; whether it turns the sphere.
     """
@@ -65,6 +69,7 @@ class Spheres:
     mass: Floats
     position: Floats
     velocity: Floats
+    spin: Floats
     force: Floats
     torque: Floats
     moves: NDArray[np.bool_]
@@ -95,6 +100,28 @@ class Pairs:
 
 
 @dataclass(frozen=True, eq=False)
+class Recorded:
+    """The first run that writes a dump of spheres; the first long run if none does.
+
+    Attributes
+    ----------
+    stage : the run.
+    dumped : whether it writes a dump.
+    begin : number of its first step; None after a minimization, whose steps are not known.
+    history : whether steps were taken before, or a restart file was read, so that contacts may hold slip.
+    unturned : whether it is known that no sphere turns at its beginning.
+    members : numbers (``id``) of the spheres of each fix.
+    """
+
+    stage: Stage
+    dumped: bool
+    begin: int | None
+    history: bool
+    unturned: bool
+    members: Mapping[Command, Integers]
+
+
+@dataclass(frozen=True, eq=False)
 class Reading:
     """A deck as LAMMPS knows it.
 
@@ -108,6 +135,7 @@ class Reading:
     units, dimension, periodic, low, high : units, dimensions, and the box.
     laws : law of each pair of types, the lower one first; empty where it is not known.
     spheres, pairs : at the beginning of the first long run; None if the deck did not come so far, or has none then.
+    recorded : the run that writes the first dump; None if there is no long one.
     """
 
     deck: str
@@ -123,10 +151,22 @@ class Reading:
     laws: Mapping[tuple[int, int], Law]
     spheres: Spheres | None
     pairs: Pairs | None
+    recorded: Recorded | None
 
     def named(self, *names: str) -> list[Command]:
         """Return the commands with one of these names."""
         return [command for command in self.commands if command.name in names]
+
+    @property
+    def dumps(self) -> list[Command]:
+        """Return the commands of dumps that are whole; LAMMPS does not execute them here, and refuses no other."""
+        return [command for command in self.named("dump") if len(command.words) >= _OF_A_DUMP]
+
+    @property
+    def data_steps(self) -> dict[Command, int]:
+        """Return the commands that read a data file of an earlier run, and the step at which it was written."""
+        found = {command: _WRITTEN.search(head) for command, head in self.data_heads.items()}
+        return {command: int(match[1]) for command, match in found.items() if match}
 
     @property
     def is_granular(self) -> bool:
@@ -163,7 +203,9 @@ def start_of(stages: Sequence[Stage]) -> Stage | None:
     return next(long, stages[-1] if stages else None)
 
 
-def read(deck: str | Path, variables: Mapping[str, str] | None = None) -> Reading:
+def read(
+    deck: str | Path, variables: Mapping[str, str] | None = None, tell: Callable[[Command], object] | None = None
+) -> Reading:
     """Return what LAMMPS says of a deck, up to the forces at the beginning of each of its runs.
 
     Parameters
@@ -172,6 +214,8 @@ def read(deck: str | Path, variables: Mapping[str, str] | None = None) -> Readin
         The deck, as ``lmp -in`` takes it.
     variables : mapping of str to str, optional
         Values of its index variables, as ``lmp -var`` takes them.
+    tell : callable, optional
+        Called with each command before LAMMPS executes it.
 
     Raises
     ------
@@ -182,20 +226,20 @@ def read(deck: str | Path, variables: Mapping[str, str] | None = None) -> Readin
     """
     path = Path(deck).absolute()
     if not path.is_file():
-        raise DeckError(f"{deck}: no such deck; give the file that 'lmp -in' takes")
+        raise DeckError(f"{deck}: no such deck; give input file, as for 'lmp -in'")
     given = [word for name, value in (variables or {}).items() for word in ("-var", name, *value.split())]
     with tempfile.TemporaryDirectory(prefix="granular-lmp-") as folder, chdir(folder):
         lmp = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite", *given])
         try:
-            return _read(lmp, path)
+            return _read(lmp, path, tell)
         finally:
             lmp.close()
 
 
-def _read(lmp: Any, path: Path) -> Reading:
+def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Reading:
     stages: list[Stage] = []
-    found: dict[str, Any] = {"spheres": None, "pairs": None}
-    deck = Interpreter(lmp, path, lambda command, steps: _run(deck, command, steps, stages, found))
+    found: dict[str, Any] = {"spheres": None, "pairs": None, "recorded": None}
+    deck = Interpreter(lmp, path, lambda command, steps: _run(deck, command, steps, stages, found), tell)
     stopped = ""
     try:
         deck.read()
@@ -245,8 +289,13 @@ def _run(deck: Interpreter, command: Command, steps: int | None, stages: list[St
             fixes.pop(each.words[1], None)
         elif each.name == "clear":
             fixes.clear()
+    begin = _begin(deck, stages)
+    if steps is not None and "upto" in command.words[2:]:
+        steps = max(0, steps - (begin or 0))
     exact = all(stage.steps is not None and stage.steps <= 1 for stage in stages)
     stages.append(Stage(command, steps, float(lmp.extract_global("dt")), tuple(fixes.values()), exact))
+    if lmp.extract_setting("box_exist") and lmp.get_natoms():
+        _record(deck, stages, begin, found)
     short = steps is not None and steps <= 1
     if start_of(stages) is not stages[-1]:
         lmp.command(f"run {steps if short else 0} post no")
@@ -264,6 +313,39 @@ def _run(deck: Interpreter, command: Command, steps: int | None, stages: list[St
         lmp.command(f"uncompute {name}")
     if short and steps:
         lmp.command(f"run {steps} post no")
+
+
+def _begin(deck: Interpreter, stages: list[Stage]) -> int | None:
+    """Return the step at which a run begins, with those of earlier runs that were not taken here."""
+    step = int(deck.lmp.extract_global("ntimestep"))
+    runs = {id(stage.command): stage for stage in stages}
+    for command in reversed(deck.commands):
+        if command.name in ("reset_timestep", "clear"):
+            break
+        stage = runs.get(id(command))
+        if stage is not None and stage.steps is None:
+            return None
+        step += stage.steps if stage is not None and stage.steps and stage.steps > 1 else 0
+    return step
+
+
+def _record(deck: Interpreter, stages: list[Stage], begin: int | None, found: dict[str, Any]) -> None:
+    """Note what acts in the first long run that writes a dump of spheres, or in the first long one before that."""
+    stage, known = stages[-1], found["recorded"]
+    dumped = any(each.name == "dump" and each.words[3:4] and each.words[3] in DUMPS for each in deck.commands)
+    if (stage.steps or 0) <= 1 or (known is not None and (known.dumped or not dumped)):
+        return
+    lmp, count = deck.lmp, int(deck.lmp.extract_setting("nlocal"))
+    numbers, spins = np.array(lmp.numpy.extract_atom("id"))[:count].astype(np.int64), lmp.numpy.extract_atom("omega")
+    before = [stage for stage in stages[:-1] if stage.steps != 0]
+    found["recorded"] = Recorded(
+        stage,
+        dumped,
+        begin,
+        history=bool(before) or any(each.name == "read_restart" for each in deck.commands),
+        unturned=stage.exact and (spins is None or not np.any(spins[:count])),
+        members={fix: numbers[_members(lmp, fix.words[2])] for fix in stage.fixes},
+    )
 
 
 def _local(lmp: Any, name: str) -> Any:
@@ -293,6 +375,7 @@ def _spheres(lmp: Any, fixes: tuple[Command, ...]) -> Spheres:
         mass=mass,
         position=each("x"),
         velocity=each("v"),
+        spin=np.zeros((len(types), 3)) if (spin := each("omega")) is None else spin,
         force=each("f"),
         torque=np.zeros((len(types), 3)) if (torque := each("torque")) is None else torque,
         moves=moves,

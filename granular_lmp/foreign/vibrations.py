@@ -62,7 +62,8 @@ def contacts_of(reading: Reading) -> ContactsAtStart | None:
     for law, which in reading.law_of(closed):
         normal[which], shear[which] = law.stiffnesses(radius[which], closed.overlap[which])
         dashpot[which] = law.dashpot(radius[which], closed.overlap[which], mass[which])
-    return ContactsAtStart(closed, normal, shear, dashpot)
+    known = np.isfinite(normal + shear + dashpot) & (normal >= 0) & (shear >= 0)  # no deck means a negative spring
+    return ContactsAtStart(closed.of(known), normal[known], shear[known], dashpot[known]) if known.any() else None
 
 
 def effective_radius(spheres: Spheres, pairs: Pairs) -> Floats:

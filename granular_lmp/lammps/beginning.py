@@ -1,6 +1,6 @@
-"""The spheres of a deck as they begin, as numbers: what LAMMPS makes of ``data.NAME`` before its first step.
+"""Initial state of the spheres of a deck as numbers: what LAMMPS makes of ``data.NAME`` before its first step.
 
-All is in the units of the deck. Spheres whose motion is prescribed begin at rest, as in LAMMPS.
+All values are in the units of the deck. Spheres with a prescribed motion begin at rest, as in LAMMPS.
 """
 
 import numpy as np
@@ -22,17 +22,17 @@ class Beginning:
     Attributes
     ----------
     types : (N,) int array
-        LAMMPS's types: those of material m, counted from 0, are 2m + 1 (free) and 2m + 2 (held).
+        Types in LAMMPS: for material m, counted from 0, they are 2m + 1 (free) and 2m + 2 (held).
     place : (N, d) array
-        At rest.
+        Places at rest.
     radius, density : (N,) arrays
     displacement, velocity : (N, d) arrays
-        The displacement is the way from rest.
+        Displacement from rest, and velocity.
     rotation, spin : (N, 1) arrays, in space (N, 3)
-        The rotation is the angle, in space the rotation vector.
+        Angle (in space the rotation vector) and spin.
     box : (3, 2) array
     boundary : str
-        LAMMPS's words for the faces of the box.
+        Words of LAMMPS for the faces of the box.
     """
 
     types: NDArray[np.int64]
@@ -48,14 +48,14 @@ class Beginning:
 
     @property
     def cell(self) -> tuple[float, ...]:
-        """Periods along the axes, infinite where the box is not periodic, (d,)."""
+        """Periods along the axes, (d,); infinite where the box is not periodic."""
         periodic = [face == "p" for face in self.boundary.split()]
         sizes = np.where(periodic, self.box[:, 1] - self.box[:, 0], np.inf)
         return tuple(map(float, sizes[: self.place.shape[1]]))
 
 
 def beginning(problem: Problem) -> Beginning:
-    """Return how the spheres of a problem begin, by the formulas of `granular_lmp.lammps.start`."""
+    """Return the initial state of the spheres of a problem, by the formulas of `granular_lmp.lammps.start`."""
     data, scene, units, count = spheres.data_of(problem), problem.scene, problem.units, len(problem.rest.atoms)
     space, turning = scene.space, len(turns(problem)) if problem.on["rotation"] else 0
     turned = len(turns(problem))

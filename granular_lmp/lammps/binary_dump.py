@@ -28,6 +28,7 @@ _HEAD = struct.Struct(f"=q{len(_MAGIC)}siiqqi6i6d")
 _TILT = struct.Struct("=3d")
 _TIME = struct.Struct("=d")
 _INT = struct.Struct("=i")
+_GENERAL = 2  # in place of 0 or 1: a triclinic box of any orientation
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class BinarySnapshot:
 
 
 def binary_snapshots(path: str | Path) -> Iterator[BinarySnapshot]:
-    """Yield the whole snapshots of a binary dump; one that a killed run wrote half of is left out.
+    """Yield the complete snapshots of a binary dump, without an incomplete last one of a killed run.
 
     Raises
     ------
@@ -86,7 +87,7 @@ def binary_snapshots(path: str | Path) -> Iterator[BinarySnapshot]:
                 return
             yield snapshot
             begin = snapshot.end
-            content.madvise(MADV_DONTNEED, 0, begin // PAGESIZE * PAGESIZE)  # what was read leaves the memory
+            content.madvise(MADV_DONTNEED, 0, begin // PAGESIZE * PAGESIZE)  # free the memory of what was read
     except (OSError, ValueError) as error:
         raise RunFolderError(f"{path}: not a binary dump of LAMMPS: {one_line(error)}") from error
 
@@ -97,6 +98,8 @@ def snapshot_at(content: mmap, begin: int) -> BinarySnapshot | None:
         size, magic, byte_order, revision, step, spheres, tilted, *rest = _HEAD.unpack_from(content, begin)
         if (size, magic, byte_order, revision) != (-len(_MAGIC), _MAGIC, 1, 2):
             raise ValueError(f"at byte {begin} {(size, magic, byte_order, revision)!r}, expected {_MAGIC!r}, 1, 2")
+        if tilted == _GENERAL:
+            raise ValueError("its box is of general triclinic form; write it without triclinic/general")
         at = begin + _HEAD.size
         tilt = np.array(_TILT.unpack_from(content, at)) if tilted else None
         at += _TILT.size if tilted else 0
@@ -141,7 +144,7 @@ def snapshot_at(content: mmap, begin: int) -> BinarySnapshot | None:
 
 
 def write_binary(path: Path, like: Path, snapshots: Iterable[tuple[BinarySnapshot, NDArray[np.float64]]]) -> None:
-    """Write a binary dump: snapshots of the dump `like`, with other numbers in their tables."""
+    """Write a binary dump: the snapshots of the dump `like`, with other numbers in their tables."""
     with like.open("rb") as source, path.open("wb") as target:
         for snapshot, table in snapshots:
             source.seek(snapshot.begin)
@@ -160,7 +163,7 @@ def binary_head(
     units: str = "",
     time: float | None = None,
 ) -> bytes:
-    """Return what stands in a dump before the doubles of a snapshot; `faces` are 0 where periodic, along x, y and z."""
+    """Return the bytes before the doubles of a snapshot; `faces` along x, y and z are 0 where periodic."""
     both, titles = [each for face in faces for each in (face, face)], " ".join(names).encode()
     tilted = int(tilt is not None)
     head = _HEAD.pack(-len(_MAGIC), _MAGIC, 1, 2, step, spheres, tilted, *both, *box.ravel().tolist())
@@ -171,15 +174,16 @@ def binary_head(
 
 
 def continuation(path: Path) -> Path:
-    """Return the name under which a continued run writes a dump, as LAMMPS does not append to binary files."""
+    """Return the name of a dump of a continued run, as LAMMPS cannot append to binary files."""
     return path.with_name(path.name.removesuffix(".bin") + f"{CONTINUED}.bin")
 
 
 def mend_binary(path: Path) -> None:
-    """Turn the binary dump of a stopped run, or of a run and its `continuation`, into that of one uninterrupted run.
+    """Turn the binary dump of a stopped run, or of a run and its `continuation`, into that of an uninterrupted run.
 
-    As `granular_lmp.lammps.outputs.mend_dump`: a half snapshot is removed, and of two of a step the later one is kept.
-    The continuation is joined and removed; if that is interrupted, the next call does it again to the same end.
+    As in `granular_lmp.lammps.outputs.mend_dump`, an incomplete snapshot is removed, and the later of two snapshots of
+    one step is kept. The continuation is appended and removed; if this is interrupted, the next call repeats it with
+    the same result.
     """
     _keep_whole(path)
     after = continuation(path)

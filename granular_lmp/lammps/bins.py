@@ -1,9 +1,8 @@
-"""The bins into which LAMMPS sorts spheres and by which it finds neighbours, and so the order of its sums.
+"""Bins in which LAMMPS sorts spheres to find neighbours, and which determine the order of its sums.
 
-By default they are half as wide as the cutoff of the neighbour lists, or a little wider, as a whole number of them
-fills each side of the box. A sphere that rests on the face of a bin is on one side of it when a run begins, and may be
-on the other when a stopped run continues: forces are then added in another order, and the record changes in its last
-digits.
+By default bins are half as wide as the cutoff of the neighbour lists, or a little wider, so that a whole number fills
+each side of the box. A sphere that rests on the face of a bin may change sides between the start of a run and its
+continuation. Forces are then added in another order, and the record changes in its last digits.
 
 https://docs.lammps.org/neigh_modify.html, https://docs.lammps.org/atom_modify.html
 """
@@ -14,15 +13,15 @@ from granular_lmp.lammps.ends import box_of
 from granular_lmp.problem import Problem
 
 SKIN = 10  # the cutoff is wider than the contacts by this fraction of the radius: one tenth
-_WIDER = np.linspace(1, 1.5, 26)  # sizes that are tried, over the default
-_PULLED = 1.001  # the cutoff of JKR reaches that much further, so that the default bins may be those of this size
+_WIDER = np.linspace(1, 1.5, 26)  # sizes to try, over the default
+_PULLED = 1.001  # the cutoff of JKR is larger by this factor, so the default bins may have this size
 
 
 def size(problem: Problem) -> float:
-    """Return the size of bins in the unit of the deck: the smallest whose faces no sphere comes near.
+    """Return the size of bins in the unit of the deck: the smallest with no sphere near a face.
 
-    It is 0.0, which LAMMPS takes for its default, where that is clear, and where none is, as among very many unequal
-    spheres.
+    It is 0.0, the default of LAMMPS, if no sphere is near a face of the default bins, or if no size is clear of
+    spheres, as with very many unequal spheres.
     """
     half = problem.rest.atoms.arrays["radius"].max() + 0.5 / SKIN
     if _is_clear(problem, half) and _is_clear(problem, _PULLED * half):
@@ -33,7 +32,7 @@ def size(problem: Problem) -> float:
 
 
 def _is_clear(problem: Problem, wanted: float) -> bool:
-    """Return whether spheres rest further from the faces of bins of this size, in radii, than a wave moves them."""
+    """Return whether all spheres rest farther from the faces of such bins, in radii, than a wave moves them."""
     scene = problem.scene
     moves = (1 + 2 * (scene.wave.amplitude if scene.wave else 0)) * scene.scale.length / scene.sphere.radius
     box = box_of(problem) / problem.units.number(scene.sphere.radius, length=1)

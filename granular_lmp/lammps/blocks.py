@@ -1,7 +1,7 @@
-"""A block of a deck: lines that belong together, as a function of the problem.
+"""Block of a deck: a group of lines, as a function of the problem.
 
-`granular_lmp.lammps.deck` lists the blocks in their order. A block without lines is left out. An input that continues a
-run from a checkpoint has the blocks with `Block.again`.
+`granular_lmp.lammps.deck` lists the blocks in order. A block without lines is left out. An input that continues a run
+from a checkpoint contains the blocks with `Block.again`.
 """
 
 from collections.abc import Callable, Iterable
@@ -15,15 +15,15 @@ Continued = Callable[[Problem, str], list[str]]
 
 @dataclass(frozen=True)
 class Block:
-    """One block.
+    """Block of a deck.
 
     Attributes
     ----------
     lines : callable
-        Lines in the deck of a problem, [] where it has no such block.
+        Lines in the deck of a problem, [] if it has no such block.
     again : bool or callable
-        True if an input that continues a run repeats the lines, False if it has none, or its own lines, of the problem
-        and the name of the checkpoint.
+        True if an input that continues a run repeats the lines, False if it omits them, or a function of the problem
+        and the name of the checkpoint that returns other lines.
     """
 
     lines: Lines
@@ -37,10 +37,10 @@ class Block:
 
 
 def apart(blocks: Iterable[list[str]]) -> list[str]:
-    """Return the lines of several blocks as those of one, an empty line between two."""
+    """Return the lines of several blocks as one block, with empty lines between them."""
     return [line for lines in blocks for line in ("", *lines)][1:]
 
 
 def text_of(blocks: Iterable[list[str]]) -> str:
-    """Return the text of blocks, an empty line between two."""
+    """Return the text of blocks, with empty lines between them."""
     return "\n\n".join("\n".join(lines) for lines in blocks if lines) + "\n"

@@ -1,17 +1,18 @@
-"""Contact laws as LAMMPS commands: the only place that writes the arguments of ``pair_coeff`` and ``fix wall/gran``.
+"""Contact laws as LAMMPS commands: only this module writes the arguments of ``pair_coeff`` and ``fix wall/gran``.
 
-Two equal spheres at an overlap δ and a shear displacement ξ push each other with
+Between two equal spheres at an overlap δ and a shear displacement ξ act the forces
 
     f_N = A δ^{3/2} − F,   f_S = −B ξ δ^{1/2},   |f_S| ≤ μ (f_N + 2F),   F = 2π w Rc
 
 (`granular_lmp.crystal.sphere`). The torque of f_S on each sphere has the lever arm R − δ/2. Without adhesion F = 0.
-LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/validation/test_contact_law.py``:
+LAMMPS 22Jul2025 differs from these equations as follows; tests measure each difference:
 
-* ``coeff_restitution`` yields the requested restitution e to the error of the step. ``tsuji`` does not (0.616 for a
-  requested 0.5) and is not offered here. LAMMPS refuses both with an adhesive law.
-* The sliding limit of Hertz contacts is μ times the normal force *with* its damping part, that of DMT contacts without.
-* A contact by "jkr" begins at overlap 0 and ends at the largest pull, not at the largest distance as the kernel can.
-* A wall has the material of the spheres, E* = E/(2(1−ν²)), G* likewise; Rc and the lever arm are R.
+* ``coeff_restitution`` gives the requested restitution e up to the error of the time step. ``tsuji`` does not (0.616
+  for a requested 0.5) and is not offered here. LAMMPS refuses both with an adhesive law.
+* The sliding limit of Hertz contacts is μ times the normal force *with* its damping part; for DMT contacts it is
+  without.
+* A "jkr" contact begins at overlap 0 and ends at the largest pull; only the kernel can end it at the largest distance.
+* A wall has the material of the spheres, so E* = E/(2(1−ν²)), and G* in the same way; Rc and the lever arm are R.
 
 https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gran.html
 """
@@ -24,8 +25,8 @@ from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, HERTZ, NORMAL_LAWS
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.units import AnyUnits
 
-# The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is
-# "secant" with a shear displacement that shrinks with the contact radius on unloading.
+# The laws differ in how the overlap changes the shear force (page Contact laws). "rescaled" is "secant" with
+# a shear displacement that shrinks with the contact radius during unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
 TANGENTIAL_LAWS = (*_MINDLIN, "none")
 
@@ -44,7 +45,7 @@ def model(
     late_parting: bool = False,
     **submodels: str,
 ) -> str:
-    """Return the contact model of two equal spheres, as `pair` and `wall` take it.
+    """Return the contact model of two equal spheres, for `pair` and `wall`.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def model(
     units : AnyUnits
         Unit style of the deck.
     normal : "dmt", "hertz" or "jkr"
-        Normal law with the work of adhesion w, without it, or with adhesion that acts beyond contact too.
+        Normal law: with the work of adhesion w, without adhesion, or with adhesion that also acts beyond overlap 0.
     shear : "secant", "incremental", "rescaled" or "none"
         Shear law.
     friction : float or str
@@ -65,16 +66,16 @@ def model(
     shear_damping : float
         Ratio of the damping coefficients of shear and normal motion.
     shear_modulus : float, optional
-        Effective shear modulus G*, Pa, in place of that of the sphere's material and factors.
+        Effective shear modulus G*, Pa; it replaces that of the material and factors of the sphere.
     late_parting : bool
-        Contacts end at the largest distance, by a law of the kernel (`AdhesionLaw.late`).
+        True if contacts end at the largest distance, by a law of the kernel (`AdhesionLaw.late`).
     submodels : str
-        Words of other parts of the model by their names, such as "rolling" and "twisting".
+        Words for other parts of the model, by their names, such as "rolling" and "twisting".
 
     Returns
     -------
     str
-        Arguments of ``pair_coeff`` behind the types, over several lines.
+        Arguments of ``pair_coeff`` after the types, in several lines.
 
     Raises
     ------
@@ -83,7 +84,7 @@ def model(
 
     Notes
     -----
-    *Good values*: see docs/choosing-a-shear-law.md for `shear`. The law breaks down when the overlap is no longer small
+    *Good values*: see the page Contact laws for `shear`. The law fails when the overlap is not small
     (`granular_lmp.crystal.scale.LARGEST_OVERLAP_RATIO`).
 
     https://docs.lammps.org/pair_granular.html
@@ -93,14 +94,14 @@ def model(
     if restitution is not None and (normal != HERTZ or damping):
         raise ValueError(f"restitution = {restitution!r}: needs normal = 'hertz' and no other damping")
     pressing, shearing = sphere.factors
-    if shear_modulus is None and shearing != pressing:  # else LAMMPS has G* from E and ν
+    if shear_modulus is None and shearing != pressing:  # otherwise LAMMPS computes G* from E and ν
         shear_modulus = shearing * sphere.effective_shear_modulus
     number = sphere.poisson_ratio
     modulus = units.number(pressing * sphere.youngs_modulus, mass=1, length=-1, time=-2)
     loss = units.number(damping, mass=1, time=-1) if restitution is None else restitution
     force = f"hertz/material {modulus!r} {loss!r} {number!r}"
     if normal != HERTZ:
-        half_adhesion = units.number(pressing * sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
+        half_adhesion = units.number(pressing * sphere.work_of_adhesion / 2, mass=1, time=-2)  # γ in LAMMPS
         name = ADHESION_LAWS[normal].late if late_parting else normal
         force = f"{name} {modulus!r} {loss!r} {number!r} {half_adhesion!r}"
     stiffness = "NULL" if shear_modulus is None else repr(units.number(8 * shear_modulus, mass=1, length=-1, time=-2))
@@ -113,15 +114,15 @@ def model(
 
 
 def pair(contact: str) -> str:
-    """Return the commands that give all contacts between spheres a `model`."""
+    """Return the commands that set one `model` for all contacts between spheres."""
     return f"pair_style   granular\npair_coeff   * * {contact}"
 
 
 def pairs(contacts: Mapping[tuple[int, int], str]) -> str:
-    """Return the commands that give the contacts between materials m ≤ n, counted from 0, each a `model`.
+    """Return the commands that set a `model` for the contacts of each two materials m ≤ n, counted from 0.
 
-    The free spheres of material m have the type 2m + 1, the held ones 2m + 2. LAMMPS's own mixing would give another
-    shear modulus (`granular_lmp.crystal.contacts`), so every pair of materials is written out.
+    The free spheres of material m have the type 2m + 1, the held ones 2m + 2. Every pair of materials is written out,
+    because mixing in LAMMPS would give another shear modulus (`granular_lmp.crystal.contacts`).
     """
     if len(contacts) == 1:
         return pair(contacts[0, 0])
@@ -133,22 +134,22 @@ def pairs(contacts: Mapping[tuple[int, int], str]) -> str:
 def rigid(sphere: Sphere) -> Sphere:
     """Return the sphere whose `model` is that of `sphere` on a rigid body.
 
-    On a rigid body 1/E* and 1/G* have one term instead of two equal ones. Both moduli are doubled by doubling E.
+    On a rigid body 1/E* and 1/G* have one term instead of two equal terms. Doubling E doubles both moduli.
     """
     return replace(sphere, youngs_modulus=2 * sphere.youngs_modulus)
 
 
 def of_law(law: AdhesionLaw, effective_radius: float, sphere: Sphere) -> tuple[Sphere, float]:
-    """Return the sphere whose `model` has the normal force of a law, and the ``shear_modulus`` of its shear force.
+    """Return a sphere whose `model` has the normal force of a law, and the ``shear_modulus`` for its shear force.
 
-    E* and w of any two bodies, and stiffnesses as measured, are those of some sphere; G* may be that of none.
+    Some sphere has the E* and w of any two bodies, and any measured stiffness, but perhaps not the G*.
 
     Parameters
     ----------
     law : AdhesionLaw
-        Of one contact, with A = (4/3) E* √Rc, B = 8 G* √Rc and the pull-off force F.
+        Law of one contact, with A = (4/3) E* √Rc, B = 8 G* √Rc and the pull-off force F.
     effective_radius : float
-        Rc, m: R/2 of two equal spheres, R of a sphere on a plane.
+        Rc, m: R/2 for two equal spheres, R for a sphere on a plane.
     sphere : Sphere
         Gives radius, density, Poisson's ratio and the name of the law.
     """

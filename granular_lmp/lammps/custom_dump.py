@@ -9,10 +9,11 @@ import gzip
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from math import inf
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from granular_lmp.scene.schema import cut
 
 Floats = NDArray[np.float64]
 Say = Callable[[str], None]
+Snapshot = TypeVar("Snapshot")
 
 # Ways in which a dump says places, the best first: columns, scaled by the box or not, wrapped into the box or not
 PLACES = (
@@ -126,7 +128,10 @@ def frames(path: str | Path, say: Say) -> Iterator[Frame]:
     try:
         with path.open("rb") as stream:
             begin = stream.read(8 + len(_MAGIC))
-        found = _binary(path, say) if begin[8:] == _MAGIC else _text(path, say, zipped=begin.startswith(_GZIP))
+        if begin[8:] == _MAGIC:
+            found = _binary(path, say)
+        else:
+            found = text_snapshots(path, say, partial(_snapshot, context=_Context()))
         for frame in found:
             _refuse(path, frame)
             yield frame
@@ -160,15 +165,24 @@ def _frame(
 
 def _box(bounds: Floats, tilt: Floats | None, periodic: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Return corner and edges from the bounds (3, 2) that a dump says, which enclose a tilted box."""
-    low, high = bounds.T.copy()
     xy, xz, yz = tilt if tilt is not None else (0.0, 0.0, 0.0)
-    ends = (0.0, xy, xz, xy + xz)
-    low -= [min(ends), min(0.0, yz), 0.0]
-    high -= [max(ends), max(0.0, yz), 0.0]
+    low, high = (bounds - _overhang(xy, xz, yz)).T
     length = high - low
     length[length == 0] = 1.0  # an atom_style without a third dimension
     cell = np.array([[length[0], 0.0, 0.0], [xy, length[1], 0.0], [xz, yz, length[2]]])
     return low, cell, periodic
+
+
+def enclosing(origin: Floats, cell: Floats) -> tuple[Floats, Floats]:
+    """Return the bounds (3, 2) that a dump says of a box with this corner and these edges, and its tilt xy, xz, yz."""
+    tilt = cell[[1, 2, 2], [0, 0, 1]]
+    return np.stack([origin, origin + np.diag(cell)], axis=1) + _overhang(*tilt), tilt
+
+
+def _overhang(xy: float, xz: float, yz: float) -> Floats:
+    """Return how far a tilted box reaches beyond its corners, (3, 2)."""
+    ends = (0.0, xy, xz, xy + xz)
+    return np.array([[min(ends), max(ends)], [min(0.0, yz), max(0.0, yz)], [0.0, 0.0]])
 
 
 def _binary(path: Path, say: Say) -> Iterator[Frame]:
@@ -188,14 +202,17 @@ def _opened(path: Path, zipped: bool) -> Iterator[IO[str]]:
         yield stream
 
 
-def _text(path: Path, say: Say, *, zipped: bool) -> Iterator[Frame]:
+def text_snapshots(path: Path, say: Say, read: "Callable[[Lines], Snapshot | None]") -> Iterator[Snapshot]:
+    """Yield what `read` makes of the snapshots of a text or gzip, of which the last may be cut off."""
+    with path.open("rb") as begin:
+        zipped = begin.read(len(_GZIP)) == _GZIP
     with _opened(path, zipped) as stream:
-        lines, context = _Lines(stream), _Context()
+        lines = Lines(stream)
         while True:
             try:
-                if (frame := _snapshot(lines, context)) is None:
+                if (frame := read(lines)) is None:
                     return
-            except (_CutError, EOFError, zlib.error):
+            except (CutError, EOFError, zlib.error):
                 if lines.back is None:
                     say(f"{path}: the snapshot at its end is cut off, and left out")
                     return
@@ -204,11 +221,11 @@ def _text(path: Path, say: Say, *, zipped: bool) -> Iterator[Frame]:
                 yield frame
 
 
-class _CutError(Exception):
+class CutError(Exception):
     """A snapshot is not whole."""
 
 
-class _Lines:
+class Lines:
     """Lines of a file, of which the last may be cut off; the first ones of a table are kept to count digits."""
 
     def __init__(self, stream: Iterable[str]) -> None:
@@ -220,14 +237,14 @@ class _Lines:
         """Return the next line, None at the end."""
         line, self.back = self.back or next(self.stream, None), None
         if line is not None and not line.endswith("\n"):
-            raise _CutError
+            raise CutError
         return line
 
     def must(self) -> str:
         """Return the next line of a snapshot, which must not end here."""
         line = self.next()
         if line is None:
-            raise _CutError
+            raise CutError
         return line
 
     def many(self, count: int) -> Iterator[str]:
@@ -235,9 +252,9 @@ class _Lines:
         for line in islice(self.stream, count):
             if "ITEM:" in line:
                 self.back = line[line.index("ITEM:") :]
-                raise _CutError
+                raise CutError
             if not line.endswith("\n"):
-                raise _CutError
+                raise CutError
             if len(self.kept) < _SAMPLE:
                 self.kept.append(line)
             yield line
@@ -250,7 +267,7 @@ class _Context:
     resolution: float = inf
 
 
-def _snapshot(lines: _Lines, context: _Context) -> Frame | None:
+def _snapshot(lines: Lines, context: _Context) -> Frame | None:
     """Return the next snapshot, None at the end of the file."""
     line = lines.next()
     if line is None:
@@ -301,20 +318,20 @@ def _text_box(lines: list[str]) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     return _box(numbers[:, :2], tilt, periodic)
 
 
-def _table(lines: _Lines, names: list[str], count: int, step: int) -> dict[str, Floats]:
+def _table(lines: Lines, names: list[str], count: int, step: int) -> dict[str, Floats]:
     """Return the known columns of the next table; `loadtxt` reads it line by line."""
     known = [(place, name) for place, name in enumerate(names) if name in _KNOWN]
     if not known or not count:
         lines_left = sum(1 for _ in lines.many(count))
         if lines_left < count:
-            raise _CutError
+            raise CutError
         return {name: np.empty(0) for _, name in known}
     try:
         read = np.loadtxt(lines.many(count), usecols=[place for place, _ in known], ndmin=2, dtype=float, comments=None)
     except ValueError as error:
         raise ValueError(f"step {step}: {error}") from error
     if len(read) < count:
-        raise _CutError
+        raise CutError
     return {name: values.copy() for (_, name), values in zip(known, read.T, strict=True)}
 
 

@@ -1,12 +1,12 @@
-"""LAMMPS data files of spheres, with every digit.
+"""Write and read LAMMPS data files of spheres, with every digit.
 
 The atom style is ``sphere``. Spheres whose angle is tracked are ``hybrid sphere dipole`` in the plane, and in space
 ``bpm/sphere``, which has a quaternion.
 
-The title of the section ``Atoms`` names the style with its sub-styles, by which OVITO knows the columns. ASE and
-MDAnalysis have no style with diameters; they read snapshots. The writer gives each number in the shortest form that
-reads back to the same double; the reader also takes files of LAMMPS's ``write_data``. An extra section ``wave`` holds
-the initial fields of each sphere (``fix property/atom``).
+The title of the section ``Atoms`` names the style with its sub-styles, from which OVITO knows the columns. ASE and
+MDAnalysis do not support diameters in data files, but read snapshots. The writer gives each number in the shortest form
+that reads back to the same double; the reader also accepts files of the command ``write_data``. An extra section
+``wave`` holds the initial fields of each sphere (``fix property/atom``).
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import dataclass
 
-# Columns of the section Atoms by atom style; behind the title LAMMPS writes the first word of the style
+# Columns of the section Atoms by atom style; LAMMPS writes the first word of the style behind the title
 ATOM_COLUMNS = {
     "sphere": "id type diameter density x y z",
     "hybrid sphere dipole": "id type x y z diameter density q mux muy muz",
@@ -28,8 +28,8 @@ ATOM_COLUMNS = {
     "hybrid bpm/sphere dipole": "id type x y z molecule diameter density q mux muy muz",
 }
 _PIECE = 1 << 15  # lines per piece of text, a few MB
-# Of the largest of a column: places at rest differ by less between processors. Fields of a wave have 13 decimals, of
-# which the last depends on the processor
+# Relative to the largest value of a column: places at rest differ by less between processors. Fields of a wave have 13
+# decimals, of which the last depends on the processor
 _SAME, _SAME_WAVE = 1e-12, 2e-13
 
 
@@ -42,18 +42,18 @@ class DataFile:
     box : (3, 2) array
         Low and high face along x, y, z.
     kind : (N,) int array
-        LAMMPS type: odd ones move, even ones are held; two to a material.
+        LAMMPS type, two for each material: odd types move, even types are held.
     types : int
-        Number of types that the deck has coefficients for; the last may have no sphere.
+        Number of types with coefficients in the deck; the last type may have no sphere.
     position : (N, 3) array
         Centres at rest.
     diameter, density : (N,) arrays
         Diameter and density of each sphere.
     wave : (N, 6) array, (N, 4) or (N, 0); in space (N, 12) or (N, 6)
         ux uy φ (ux uy if spheres do not turn) and their velocities for unit amplitude, in D0 and D0/t0; in space
-        ux uy uz φx φy φz. With no columns, as without a wave, the file has no section ``wave``.
+        ux uy uz φx φy φz. Without columns, as without a wave, the file has no section ``wave``.
     state : (N, 9) array, (N, 6) or (0, 0)
-        In space beside a wave: the section ``state``, displacements, velocities and spins in units of the deck.
+        Section ``state``, in space together with a wave: displacements, velocities and spins in units of the deck.
     style : str
         Atom style, a key of `ATOM_COLUMNS`.
     """
@@ -71,7 +71,7 @@ class DataFile:
     def pieces(self, title: str) -> Iterator[str]:
         """Yield the file, one line per sphere, in pieces of a few MB, so that a million spheres need little memory.
 
-        Every sphere points along +x at rest; its dipole records the angle.
+        Every sphere points along +x at rest, and its dipole records the angle.
         """
         faces = "\n".join(
             f"{low!r} {high!r} {axis}lo {axis}hi" for axis, (low, high) in zip("xyz", self.box.tolist(), strict=True)
@@ -94,9 +94,9 @@ class DataFile:
 
 
 def differences(written: DataFile, data: DataFile) -> list[str]:
-    """Return what of a data file differs from the one that was written, "- ..." and "+ ..."; rounding does not count.
+    """Return the differences between the written and another data file, "- ..." and "+ ..."; rounding is ignored.
 
-    Of each quantity it is the first sphere that differs.
+    For each quantity they name the first sphere that differs.
     """
     was, now = _shape_of(written), _shape_of(data)
     if was != now:
@@ -131,8 +131,8 @@ def _lines(columns: Sequence[NDArray[Any]], tail: str) -> Iterator[str]:
 def _shortest(values: NDArray[Any]) -> list[str]:
     """Return each number in the shortest form that reads back to the same bits.
 
-    Each different number is converted once, because spheres of a row share most of their numbers and the conversion is
-    slower than the search for equal ones. The comparison as integers keeps −0.0 apart from 0.0.
+    Each different number is converted once, because spheres of a row share most numbers and conversion is slower than
+    the search for equal numbers. The comparison as integers distinguishes −0.0 from 0.0.
     """
     different, place = np.unique(np.ascontiguousarray(values).view(np.int64), return_inverse=True)
     words = np.array([repr(value) for value in different.view(values.dtype).tolist()], dtype=object)
@@ -140,13 +140,13 @@ def _shortest(values: NDArray[Any]) -> list[str]:
 
 
 def id_ranges(spheres: NDArray[np.int64]) -> str:
-    """Return the identifiers of spheres, given by ascending indices, for ``group NAME id``: "4 7:9"."""
+    """Return the identifiers of spheres, from ascending indices, for ``group NAME id``: "4 7:9"."""
     runs = np.split(spheres + 1, np.flatnonzero(np.diff(spheres) != 1) + 1)
     return " ".join(f"{run[0]}:{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
 
 
 def read(path: str | Path) -> DataFile:
-    """Read a data file of `DataFile.text`, or of LAMMPS's ``write_data`` with the same atom style.
+    """Read a data file made by `DataFile.text`, or by the command ``write_data`` with the same atom style.
 
     Returns
     -------
@@ -196,9 +196,9 @@ def _by_number(section: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _style(title: str) -> str:
-    """Return the atom style of a title, in LAMMPS's own files the first that fits.
+    """Return the atom style of a title; for files that LAMMPS wrote, the first that fits.
 
-    Before version 0.3 columns stood behind its first word.
+    Files before version 0.3 have the columns behind its first word.
     """
     named, _, columns = title.partition("#")[2].strip(" )").partition(" (")
     fits = [style for style in ATOM_COLUMNS if style.split()[0] == named.split()[0]]

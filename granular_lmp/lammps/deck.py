@@ -1,7 +1,7 @@
-"""The LAMMPS deck of a scene: ``in.NAME`` and ``data.NAME``.
+"""LAMMPS deck of a scene: ``in.NAME`` and ``data.NAME``.
 
 The deck is complete: it runs with plain ``lmp -in in.NAME`` in its folder. Values that can change without a new lattice
-are index variables, which ``-var`` overrides. Its text is a list of blocks (`BLOCKS`), each a function of the problem
+are index variables, which ``-var`` overrides. The text is a list of blocks (`BLOCKS`), each a function of the problem
 in the module of its subject.
 """
 
@@ -38,7 +38,7 @@ from granular_lmp.rest.scene import Scene
 
 __all__ = ["Deck"]
 
-# In their order
+# in order
 BLOCKS_AT_REST = (
     Block(variables.heading, again=variables.continues),
     Block(variables.variables),
@@ -58,7 +58,7 @@ BLOCKS_AT_REST = (
     Block(monitors.monitors, again=monitors.monitors),
     Block(recording.run, again=recording.run),
 )
-# Of spheres that meet, which nothing holds at rest
+# for spheres that meet, which nothing holds at rest
 BLOCKS_OF_MEETING = (
     Block(variables.heading, again=variables.continues),
     Block(variables.variables),
@@ -79,7 +79,7 @@ BLOCKS = {AT_REST: BLOCKS_AT_REST, LOOSE: BLOCKS_OF_MEETING}
 
 @dataclass(frozen=True, repr=False)
 class Deck(HasCard):
-    """A LAMMPS deck and the problem that it was made from.
+    """LAMMPS deck, with the problem that it was made from.
 
     Attributes
     ----------
@@ -92,8 +92,8 @@ class Deck(HasCard):
 
     Notes
     -----
-    To change it use ``dataclasses.replace(deck, input_text=...)``, or ``data=...``; `granular_lmp.run` takes the edited
-    deck.
+    To change the deck, use ``dataclasses.replace(deck, input_text=...)``, or ``data=...``; `granular_lmp.run` accepts
+    it.
 
     Examples
     --------
@@ -133,7 +133,7 @@ class Deck(HasCard):
         return f"data.{self.scene.name}"
 
     def files(self) -> dict[str, Iterable[str]]:
-        """Return name → text, in pieces, of the files of a deck folder: three, and the table of a scene with one."""
+        """Return name → text, in pieces, of the three files of a deck folder and of a table of spheres, if any."""
         title = variables.data_title(self.problem)
         return {
             SCENE: [self.declared.to_toml()],
@@ -143,28 +143,28 @@ class Deck(HasCard):
         }
 
     def edited(self, *, before: Mapping[str, str] | None = None, after: Mapping[str, str] | None = None) -> "Deck":
-        """Return the deck with lines of your own before or after the blocks that are named; see `places`.
+        """Return the deck with additional lines before or after named blocks; `places` lists the names.
 
-        A run of it says in ``run.json`` which lines differ, and is not resumed.
+        The ``run.json`` of its run lists the lines that differ, and the run cannot be resumed.
 
         Raises
         ------
         DeckError
-            For a place that the deck does not have; the text lists those that it has.
+            If the deck has no such place; the text lists its places.
         """
         return replace(self, input_text=with_lines(self.input_text, before or {}, after or {}))
 
     @property
     def places(self) -> list[str]:
-        """The names of the blocks of ``in.NAME``, in their order: what `edited` takes."""
+        """Names of the blocks of ``in.NAME``, in order, for `edited`."""
         return list(places(self.input_text))
 
     def edits(self) -> list[str]:
-        """Return the lines of ``in.NAME`` that differ from those that this package writes, "+ ..." or "- ..."."""
+        """Return the lines of ``in.NAME`` that differ from the deck of this package, "+ ..." or "- ..."."""
         return differing_lines(written_text(self.problem), self.input_text)
 
     def all_edits(self) -> list[str]:
-        """Return `edits`, and the first value of each column of ``data.NAME`` that differs, as the run says them."""
+        """Return `edits`, and the first value that differs in each column of ``data.NAME``, as in ``run.json``."""
         data = differences(data_of(self.problem), self.data)
         return self.edits() + [f"{line[:2]}{self.data_name}: {line[2:]}" for line in data]
 
@@ -193,8 +193,8 @@ class Deck(HasCard):
 def deck_of(problem: Problem) -> Deck:
     """Return the deck of a problem; no file is written.
 
-    A wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first order
-    in the amplitude. LAMMPS makes large sheets from their first rows (`granular_lmp.lammps.replicated`).
+    A wave starts as a Bloch mode of the simulated lattice, so no other mode is excited to first order in the amplitude.
+    LAMMPS makes large sheets from their first rows (`granular_lmp.lammps.replicated`).
 
     Raises
     ------
@@ -215,10 +215,10 @@ def written_text(problem: Problem) -> str:
 
 
 def resume_text(problem: Problem, checkpoint: str) -> str:
-    """Return the input that continues a run from a checkpoint, to the same bytes as an uninterrupted run.
+    """Return the input that continues a run from a checkpoint, with the same bytes as an uninterrupted run.
 
-    A restart file of LAMMPS holds neither pair coefficients nor ``comm_modify``, and LAMMPS finds the reference
-    positions of ``compute displace/atom`` by its name, so the input repeats these commands.
+    The input repeats pair coefficients, ``comm_modify`` and ``compute displace/atom``: a restart file of LAMMPS lacks
+    the former two, and LAMMPS finds the reference positions by the name of the compute.
     https://docs.lammps.org/Howto_restart.html
     """
     return text_of(block.continued(problem, checkpoint) for block in _blocks(problem))

@@ -1,4 +1,4 @@
-"""Lines of one's own in the text of a deck, at the places that its headings name.
+"""Insert additional lines into a deck, at the places that its headings name.
 
 A block begins with a line ``# --- NAME ...`` and ends before the next one; the last block is ``run``.
 """
@@ -9,11 +9,12 @@ from collections.abc import Mapping
 from granular_lmp.errors import DeckError
 from granular_lmp.scene.schema import allowed_names
 
+_COMMENT = re.compile(r"(?:^|[ \t]+)#(?= ).*", re.MULTILINE)
 _BEGIN = re.compile(r"^(?:# --- (\w+)|(run) \$)", re.MULTILINE)
 
 
 def places(text: str) -> dict[str, tuple[int, int]]:
-    """Return where each block of a deck begins and ends, by name, in the order of the text."""
+    """Return the begin and end of each block of a deck, by name, in the order of the text."""
     found = list(_BEGIN.finditer(text))
     ends = [match.start() for match in found[1:]] + [len(text)]
     return {match[1] or match[2]: (match.start(), end) for match, end in zip(found, ends, strict=True)}
@@ -25,7 +26,7 @@ def with_lines(text: str, before: Mapping[str, str], after: Mapping[str, str]) -
     Raises
     ------
     DeckError
-        For a block that there is not.
+        If there is no such block.
     """
     there = places(text)
     for name in (*before, *after):
@@ -40,9 +41,13 @@ def with_lines(text: str, before: Mapping[str, str], after: Mapping[str, str]) -
 
 
 def differing_lines(written: str, text: str) -> list[str]:
-    """Return the lines by which a text differs from the one that was written: "+ ..." is new, "- ..." is gone."""
+    """Return the lines that differ between a written and another text: "+ ..." is new, "- ..." is gone.
+
+    Comments do not count, so a deck that an earlier release wrote with other comments is not an edited one.
+    """
     if written == text:
         return []
     from difflib import ndiff  # kept out of start-up
 
-    return [line for line in ndiff(written.splitlines(), text.splitlines()) if line.startswith(("+ ", "- "))]
+    before, after = ([line for line in _COMMENT.sub("", each).splitlines() if line] for each in (written, text))
+    return [line for line in ndiff(before, after) if line.startswith(("+ ", "- "))]

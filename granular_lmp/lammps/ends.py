@@ -1,4 +1,4 @@
-"""The ends of a deck: the faces of its box, rigid walls, held spheres, and forces on free ends.
+"""Ends of a deck: the faces of its box, rigid walls, held spheres, and forces on free ends.
 
 Quiet ends are an effect (`granular_lmp.effects.quiet_ends`).
 """
@@ -11,11 +11,11 @@ from granular_lmp.effects.effect import LawPart
 from granular_lmp.lammps.contact import model, of_law, rigid, wall
 from granular_lmp.problem import Problem
 
-FREE = 3.0  # radii between the centres of the outer spheres and the faces of the box along z where it is not periodic
+FREE = 3.0  # radii between the centres of the outer spheres and the faces of the box along z, if z is not periodic
 
 
 def boundary(problem: Problem) -> str:
-    """Return the words for the faces of the box: the box follows spheres at a free face, which may fly."""
+    """Return the words for the faces of the box; the box follows spheres at a free face, as they may fly."""
     periodic, follows = problem.rest.atoms.pbc, problem.rest.follows
     depth = "f" if problem.scene.space == 3 and not periodic[2] else "p"
     along = ("p" if periodic["xy".index(axis)] else "m" if axis in follows else "f" for axis in "xy")
@@ -38,7 +38,7 @@ def box_of(problem: Problem) -> NDArray[np.float64]:
 def walls(problem: Problem, law: LawPart) -> list[str]:
     """Return the lines of the rigid walls that spheres of each material touch, by the law of their contacts.
 
-    A wall that is touched at rest says of each sphere whether it touches and with what force.
+    A wall that spheres touch at rest also records which spheres touch it, and the forces.
     """
     if not problem.rest.planes:
         return []
@@ -62,7 +62,7 @@ def walls(problem: Problem, law: LawPart) -> list[str]:
 def _against(problem: Problem, name: str, material: int, law: LawPart) -> str:
     """Return the model of the contact of spheres of a material, by its index, with a wall.
 
-    A wall that spheres meet, which has no law at rest, is that of spheres of twice the modulus.
+    A wall that spheres only meet has no law at rest; its model is that of spheres with twice the modulus.
     """
     declared, own = problem.scene.wall if name[0] == "z" else problem.scene.rigid, problem.rest.materials[material]
     if declared is None:
@@ -76,16 +76,16 @@ def _against(problem: Problem, name: str, material: int, law: LawPart) -> str:
 
 
 def freezes(problem: Problem) -> bool:
-    """Return whether held spheres are frozen: the dashpots of a restitution take the masses of both spheres."""
+    """Return whether held spheres are frozen, because the dashpots of a restitution use the masses of both spheres."""
     return problem.scene.effects.restitution < 1 and bool(problem.rest.atoms.arrays["fixed"].any())
 
 
 def held(problem: Problem) -> list[str]:
-    """Return the lines that freeze held spheres, which takes their forces away; those that are recorded are kept."""
+    """Return the lines that freeze held spheres; this sets their forces to 0, so recorded forces are stored before."""
     if not freezes(problem):
         return []
     return [
-        "# dashpots then take the mass of a held sphere as infinite; with its own mass too much would come back",
+        "# dashpots then use an infinite mass for held spheres; with the real mass the rebound would be too strong",
         "group        held subtract all mobile",
         *(["fix          borne held store/force"] if problem.scene.output.forces else []),
         "fix          held held freeze",
@@ -93,10 +93,12 @@ def held(problem: Problem) -> list[str]:
 
 
 def loads(problem: Problem) -> list[str]:
-    """Return the block of the constant forces on free ends of a chain that is pressed together, [] without any."""
+    """Return the block of the constant forces on free ends of a compressed chain; [] if there are none."""
     lines = ["# --- constant forces on free ends, which press the chain together"]
     for number, (sphere, force) in enumerate(problem.rest.loads.items(), 1):
-        of_deck = problem.units.number(force * problem.scene.scale.length, length=1)  # a deck of impacts has m and t0
+        of_deck = problem.units.number(
+            force * problem.scene.scale.length, length=1
+        )  # a deck of an impact has the units m and t0
         lines += [
             f"group        end{number} id {sphere + 1}",
             f"fix          load{number} end{number} addforce 0.0 {of_deck!r} 0.0",

@@ -1,4 +1,4 @@
-"""The results of the guards of a run: from its thermo table, and from single contacts where that does not decide."""
+"""Results of the guards of a run: from its thermo table, or from single contacts if the table does not decide."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,18 +21,18 @@ from granular_lmp.problem import Problem
 
 @dataclass(frozen=True)
 class Measured:
-    """Result of a guard in a run.
+    """Result of a guard.
 
     Attributes
     ----------
     value : float
-        Extreme over all looks; for contacts judged one by one, over the looks where the bound is above the limit.
+        Extreme over all checks; for contacts judged one by one, over the checks where the bound is above the limit.
     passed_at : float or None
         Time τ at which the guard first triggered; None if it did not.
     bound : float
-        Extreme of the thermo column, an upper bound of the value.
+        Extreme of the thermo column, which is an upper bound of the value.
     near : float or None
-        Smallest overlap, in Δ0, of a contact that was seen to touch and may have opened between two looks; else None.
+        Smallest overlap, in Δ0, of a touching contact that may have opened between two checks; else None.
     """
 
     value: float
@@ -42,7 +42,7 @@ class Measured:
 
 
 def seen_every(table: Mapping[str, NDArray[np.float64]]) -> float:
-    """Return the longest time between two looks of a run, τ; 0 if the kernel saw every step."""
+    """Return the longest time between two checks in a run, τ; 0 if the kernel checked every step."""
     if any(column.endswith("_at") for column in table):
         return 0.0
     return float(np.max(np.diff(table.get("v_tau", np.empty(0))), initial=0.0))
@@ -58,12 +58,12 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
         Thermo table of the run by column.
     problem : Problem
     folder : Path
-        Run folder, which may hold single contacts if the table only bounds the value.
+        Run folder; it may hold single contacts if the table only bounds the value.
     """
     scene = problem.scene
     every = seen_every(table)
     limit = guard.limit_in(problem, every)
-    # A run whose log lacks a column fails by that, or has not come so far
+    # A run whose log lacks a column fails for this reason, or has not come so far
     value = np.abs(table.get(guard.column, np.empty(0)))
     at = table.get(f"{guard.column}_at", np.full(len(value), NEVER))
     if len(at) != len(value):
@@ -93,26 +93,26 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
 
 
 class Look(NamedTuple):
-    """The contacts at one look: the largest ratio of shear to sliding force of one, and the smallest overlap, in Δ0."""
+    """Contacts at one check: the largest ratio of shear to sliding force, and the smallest overlap, in Δ0."""
 
     slip: float
     overlap: float
 
 
 def judged_contacts(path: Path, problem: Problem, friction: float) -> Iterator[tuple[int, Look]]:
-    """Yield step and the contacts, each judged by its own radii and materials, look by look.
+    """Yield the step and the contacts of each check, every contact judged by its own radii and materials.
 
         slip F_t / (μ (F + (F + F0) (δ/Δ0)^{3/2})),    in the JKR law F_t / (μ (f_N(δ) + 2F))
 
-    With dashpots, LAMMPS's Hertz contacts slide at μ times the normal force with its dashpot. The ratio is infinite if
-    a contact without adhesion has just opened, or its dashpot pulls.
+    With dashpots, Hertz contacts in LAMMPS slide at μ times the normal force including its dashpot. The ratio is
+    infinite if a contact without adhesion has just opened, or if its dashpot pulls.
     """
     sphere, units, crystal = problem.scene.sphere, problem.units, problem.rest.atoms
     radius = crystal.arrays["radius"] * sphere.radius
     how = Reading.of(problem)
     for step, _, contacts in read_snapshots(path):
         *others, distance, shear = (contacts[:, :-1] if how.whole else contacts).T
-        # The contacts of equal spheres are all alike, and only those of others are written with their spheres
+        # Contacts of equal spheres are all alike; only contacts of unequal spheres are written with their spheres
         i, j = (end.astype(int) - 1 for end in others) if others else np.zeros((2, len(shear)), dtype=int)
         law = law_between(crystal, problem.rest.materials, i, j)
         overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), law.pull_off_overlap)

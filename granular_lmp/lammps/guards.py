@@ -1,9 +1,9 @@
-"""The guards of a deck: what it looks at, on which spheres, and the limits above which a run is invalid.
+"""Guards of a deck: what it checks, on which spheres, and the limits above which a run is invalid.
 
-A guard is a number that LAMMPS computes from contacts or spheres at *looks*, and the limit above which it triggers. A
-guard is in the deck only if its effect is not. Each look is a line of the thermo table: `granular_lmp.rest.looks` says
-when they are, and `granular_lmp.lammps.region_of_influence` which spheres they judge, those whose state can still
-affect the record. The guards are defined with their effects (`granular_lmp.effects`).
+A guard is a number that LAMMPS computes from contacts or spheres at regular *looks* (checks), with a limit above which
+it triggers. The deck has a guard only if it leaves out the effect. Each look is a line of the thermo table.
+`granular_lmp.rest.looks` sets their times, and `granular_lmp.lammps.region_of_influence` selects the spheres that can
+still affect the record. The guards are defined with their effects (`granular_lmp.effects`).
 """
 
 from collections.abc import Mapping
@@ -23,24 +23,24 @@ from granular_lmp.problem import Problem
 from granular_lmp.rest.looks import longest
 
 GUARDS = all_guards()
-# The hardest shear over the smallest sliding force is at most this times the largest ratio of one contact (make guards)
+# The largest shear over the smallest sliding force is at most this times the largest ratio of one contact (make guards)
 BOUND = 3.0
 
 
 def line_interval(problem: Problem) -> int:
-    """Return the steps between two looks, which are the lines of the thermo table; those of a sample without looks."""
+    """Return the steps between two lines of the thermo table: between two looks, or of a sample without looks."""
     return problem.rest.steps_between_looks if problem.looks else problem.scene.time.steps_per_sample
 
 
 def has_looks(problem: Problem) -> bool:
-    """Return whether guards look at v_look, as linear waves ask for it; where spheres meet they look at every line."""
+    """Return whether the deck has looks at v_look, as for linear waves; for spheres that meet, every line is one."""
     return problem.scene.holding.has_modes
 
 
 def guards(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the block of the guards of a problem, each line once, and the thermo output of all.
+    """Return the block of the guards of a problem, without repeated lines, and their thermo output.
 
-    The contacts of a guard whose effect is off are judged one by one, also where the scene calls for the effect.
+    If an effect is off, its contacts are judged one by one, even if the scene needs the effect.
     """
     if not problem.looks:
         return _none(problem)
@@ -65,9 +65,9 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
 
 
 def _none(problem: Problem) -> list[str]:
-    """Return the block of a run that does not look: a line of the thermo table each sample, for its progress."""
+    """Return the block of a run without guards: one line of the thermo table per sample, for the progress."""
     return [
-        "# --- guards: none, as a finer run of the same scene looks",
+        "# --- guards: none, as a finer run of the same scene has guards",
         *leaving_lines(problem),
         "thermo_style custom step v_tau",
         "thermo       ${every}",
@@ -75,17 +75,17 @@ def _none(problem: Problem) -> list[str]:
 
 
 def look_lines(problem: Problem) -> list[str]:
-    """Return the line of v_look, the steps between two looks: `look_interval`, for another step by -var too."""
+    """Return the line of v_look, the steps between two looks, as `look_interval`, also for another step by -var."""
     time = repr(longest(problem.scene, problem.rest.frequency))
     return [f"variable     look equal $(1+floor(abs({time}*v_t0/v_step-1)))  # steps between two looks, at least 1"]
 
 
 def thermo_lines(names: list[str], seen: Mapping[str, str]) -> list[str]:
-    """Return the lines of the thermo table; `seen` says where the numbers of some columns stand."""
+    """Return the lines of the thermo table; `seen` maps some columns to the places of their numbers."""
     heads = "".join(f" colname {place} {name}" for name, place in seen.items())
     return [
         f"thermo_style custom step {' '.join(seen.get(name, name) for name in names)}",
-        f"thermo_modify flush yes format float %.10g{heads}",  # flushed: the log of a killed run holds them too
+        f"thermo_modify flush yes format float %.10g{heads}",  # the log of a killed run then has the lines too
         "thermo       ${look}",
     ]
 
@@ -93,21 +93,21 @@ def thermo_lines(names: list[str], seen: Mapping[str, str]) -> list[str]:
 def judged_lines(
     problem: Problem, every: int | str = "${look}", seen: Mapping[str, str] = MappingProxyType({})
 ) -> list[str]:
-    """Return the line that keeps the numbers by which the last lines of the deck judge the run."""
+    """Return the line that keeps the numbers with which the last lines of the deck judge the run."""
     names = [GUARDS[name].column for name in problem.judged]
     own = " ".join(seen.get(name, name) for name in names)
     return [f"fix          judged all vector {every} {own}  # for the last lines"] if own else []
 
 
 def verdict(problem: Problem) -> list[str]:
-    """Return the last lines of a deck, by which plain LAMMPS too says that a run is invalid, and why."""
+    """Return the last lines of a deck, with which plain LAMMPS also reports that a run is invalid, and why."""
     judged = [GUARDS[name] for name in problem.judged]
     if not judged:
         return []
     columns = [f"f_judged[{number}]" for number in range(1, len(judged) + 1)] if len(judged) > 1 else ["f_judged"]
     says = [f"print 'INVALID: {_trouble(guard, problem)}'" for guard in judged]
     return [
-        "echo         none  # the log then holds the word below only where it is true",
+        "echo         none  # so that the log has the word below only if it is true",
         *(
             f'if "$(max({column})) > {guard.limit_in(problem)!r}" then "{said}"'
             for column, guard, said in zip(columns, judged, says, strict=True)
@@ -116,7 +116,7 @@ def verdict(problem: Problem) -> list[str]:
 
 
 def guards_of_meeting(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the block of the guards of spheres that meet: every look is a line of the thermo table."""
+    """Return the block of the guards for spheres that meet: every line of the thermo table is a look."""
     lines = dict.fromkeys(line for name in problem.guards for line in GUARDS[name].lines(problem))
     return [
         "# --- guards: the largest force of a contact; its overlap and frequency are at most those of the softest and",
@@ -140,17 +140,17 @@ def _measured(problem: Problem) -> list[str]:
 
 
 def _sources(names: list[str], lines: list[str]) -> list[str]:
-    """Return what LAMMPS has the numbers of columns from, c_NAME of a compute or v_NAME of a variable."""
+    """Return the LAMMPS names behind the columns: c_NAME for a compute, v_NAME for a variable."""
     by_computes = {line.split()[1] for line in lines if line.startswith("compute ")}
     return [f"c_{own}" if (own := name.removeprefix("v_")) in by_computes else name for name in names]
 
 
 def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkpoint: str) -> list[str]:
-    """Return the lines that dump each contact, to judge it alone, while an upper bound does not decide.
+    """Return the lines that dump single contacts, to be judged one by one while an upper bound does not decide.
 
-    There are none if the bound of the wave that is expected is far below the limit. LAMMPS counts contacts before it
-    asks whether to skip: a dump whose interval is a time counts those that the look has computed, one whose interval is
-    in steps has them computed again.
+    There are none if the expected wave is far below the limit. LAMMPS counts contacts before it decides to skip a dump.
+    With an interval in time it counts the contacts that the look has computed; with an interval in steps it computes
+    them again.
     """
     names = _of_single_contacts(problem)
     if not names:
@@ -167,7 +167,7 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
     }
     return [
         *ends,
-        f"variable     decided equal {'&&'.join(holds[name] for name in names)}  # if not, each contact is written",
+        f"variable     decided equal {'&&'.join(holds[name] for name in names)}  # if 0, single contacts are written",
         "variable     next equal time+dt*${look}",
         f"dump         contacts all local ${{look}} ${{dump}}.contacts {columns}",
         f'dump_modify  contacts every/time v_next first yes skip v_decided format line "{numbers}"'
@@ -185,12 +185,12 @@ def _of_single_contacts(problem: Problem) -> list[str]:
 
 
 def _judges(problem: Problem) -> str:
-    """Return the words for the last lines of a deck, which judge its run."""
+    """Return words for the heading if the last lines of the deck judge its run."""
     return " If so the last lines say INVALID, and why" if problem.judged else ""
 
 
 def _trouble(guard: Guard, problem: Problem) -> str:
-    """Return what it means that a guard is above its limit, behind the name of its column."""
+    """Return words, after the name of the column, for a guard above its limit."""
     limit = guard.limit_in(problem)
     if guard.heading:
         return f"{guard.column}, {guard.heading.format(limit=limit)}"

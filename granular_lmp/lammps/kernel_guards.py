@@ -1,9 +1,9 @@
-"""The guards of a deck whose contacts the kernel computes: it sees every contact at every step.
+"""Guards of a deck whose contacts the kernel computes: it checks every contact at every step.
 
-Its fix gives the extremes since the last line of the thermo table, each contact judged by its own forces, so these
-guards miss nothing between two looks and need no bound. Guards that read spheres look at the lines of the table. The
-deck itself, ``in.NAME``, stays one for any LAMMPS; the input that the run takes, ``in.NAME.kernel``, differs from it by
-this block.
+The fix of the kernel returns the extremes since the last line of the thermo table, with each contact judged by its own
+forces. These guards miss nothing between two looks and need no bound. Guards on spheres are checked at the lines of the
+table. The deck ``in.NAME`` still runs with any LAMMPS; the input of the run, ``in.NAME.kernel``, differs only in this
+block.
 """
 
 import re
@@ -17,16 +17,16 @@ from granular_lmp.lammps.region_of_influence import inside_lines
 from granular_lmp.problem import Problem
 from granular_lmp.scene.schema import AUTO
 
-# Elements of the kernel's fix: the step at which a guard triggered first
+# Elements of the fix of the kernel: the step at which a guard first triggered
 _STEP = {SLIP.name: 4, OPEN.name: 5}
 
 
 def watched_text(problem: Problem, text: str, checkpoint: str = "") -> str:
-    """Return the input of a deck, or of its continuation, with the guards of the kernel in place of LAMMPS's.
+    """Return the input of a deck, or of its continuation, with the guards of the kernel in place of those of LAMMPS.
 
-    The text is returned as it is in a run without looks, and where LAMMPS's guards stay: of spheres that meet, of
-    contacts with walls, which are LAMMPS's own, of contacts without shear in the DMT law, of which nobody knows whether
-    they touched before, and where other lines of an edited deck take something of the guards.
+    The text does not change in a run without looks, and in four cases the guards of LAMMPS stay: for spheres that meet;
+    for contacts with walls, which LAMMPS computes; for DMT contacts without shear, which have no memory of an earlier
+    touch; and if other lines of an edited deck use a part of the guards.
     """
     sphere, on = problem.scene.sphere, problem.on
     past = problem.looks and has_looks(problem) and (on["shear"] or sphere.contact_law.beyond)
@@ -39,7 +39,7 @@ def watched_text(problem: Problem, text: str, checkpoint: str = "") -> str:
 
 
 def _named(lines: list[str]) -> set[str]:
-    """Return what lines define, as others take it: c_NAME, f_NAME, v_NAME."""
+    """Return the names that lines define, as other lines use them: c_NAME, f_NAME, v_NAME."""
     return {"_".join(found) for line in lines for found in re.findall(r"^([cfv])(?:ompute|ix|ariable) +(\w+)", line)}
 
 
@@ -70,9 +70,9 @@ def _guards(problem: Problem) -> list[str]:
 
 
 def _extremes(sheared: Problem | None) -> list[str]:
-    """Return the lines of what is seen; shares of the friction of the deck become those of the friction that judges.
+    """Return the lines of the extremes; shares of the friction in the deck become shares of the limiting friction.
 
-    sheared : None where nothing is sheared.
+    sheared : None if nothing is sheared.
     """
     limit, slip = repr(SLIP.limit), "f_seen[2]"
     if sheared is not None and sheared.scene.effects.friction != AUTO:

@@ -1,4 +1,4 @@
-"""The block of a deck with the law of its contacts, which all effects write together."""
+"""Block of a deck with the law of its contacts, to which all effects contribute."""
 
 from dataclasses import replace
 from itertools import combinations_with_replacement
@@ -18,7 +18,7 @@ def contacts(problem: Problem) -> list[str]:
 
 
 def contacts_of_meeting(problem: Problem) -> list[str]:
-    """Return the block of the contacts of spheres that meet, whose friction is a number."""
+    """Return the block of the contacts of spheres that meet; their friction is a number."""
     return _contacts(problem, problem.scene.effects.friction, "damping and nu")
 
 
@@ -38,7 +38,7 @@ def _contacts(problem: Problem, friction: float | str, words: str) -> list[str]:
 
 
 def of_pair(problem: Problem, one: int, other: int, law: LawPart) -> str:
-    """Return the model of the contacts of two materials, times the factors of stiffnesses that differ from theirs."""
+    """Return the model of the contacts of two materials, multiplied by the factors of other stiffnesses."""
     sphere, factors = (
         equivalent(problem.rest.materials[one], problem.rest.materials[other]),
         problem.rest.atoms.info.get(FACTORS),

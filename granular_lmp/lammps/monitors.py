@@ -1,8 +1,8 @@
-"""The lines of a deck that record monitors: the motion of their spheres, and the forces of their contacts.
+"""Lines of a deck that record monitors: the motion of their spheres, and the forces of their contacts.
 
-The motion is a binary dump with the columns of a snapshot of all spheres. Contacts are a text dump, as LAMMPS writes
-``dump local`` in no other form; it holds those between all spheres in and around a monitor. The forces of walls stand
-with the motion.
+The motion is a binary dump with the columns of a snapshot of all spheres. Contacts are a text dump, the only form in
+which LAMMPS writes ``dump local``; it holds the contacts between all spheres in and around a monitor. The forces of
+walls are in the dump of the motion.
 """
 
 from pathlib import Path
@@ -24,7 +24,7 @@ def contact_columns(scene: Scene) -> tuple[str, ...]:
 
     They are both spheres; the normal force, repulsive above 0; the tangential force on the first sphere; the vector
     from the second to the first, which needs every digit of a position, as an overlap is the last ones; and where
-    contacts resist rolling the force whose moment is the torque of the roll, the same for both.
+    contacts resist rolling the force whose moment is the rolling torque, the same for both.
     """
     axes = "xyz"[: scene.space]
     tangential, rolling = (tuple(f"{name}_{axis}" for axis in axes) for name in ("tangential", "rolling"))
@@ -32,27 +32,27 @@ def contact_columns(scene: Scene) -> tuple[str, ...]:
 
 
 def wall_columns(face: str, axes: str) -> tuple[str, ...]:
-    """Return the columns of a wall in a dump of motion, of each sphere: 0 where it does not touch.
+    """Return the columns of a wall in a dump of motion, for each sphere; they are 0 if it does not touch the wall.
 
-    They are 1 where the sphere touches, the place of the wall along its axis, and the force of the wall on the sphere.
+    They are 1 if the sphere touches, the place of the wall along its axis, and the force of the wall on the sphere.
     """
     return tuple(f"wall_{face}_{each}" for each in ("touch", "place", *(f"f{axis}" for axis in axes)))
 
 
 def _wall_lines(problem: Problem) -> list[str]:
-    """Return the variables of `wall_columns`, sums over the materials, of which each has its own fix."""
+    """Return the variables of `wall_columns`, which are sums over the fixes of all materials."""
     if not problem.rest.planes or not any(each.monitor.with_contacts for each in problem.monitors):
         return []
     lines, materials = [], range(1, len(problem.rest.materials) + 1)
     for face in problem.rest.planes:
-        kept = (1, FACES[face][0] + 5, 2, 3, 4)  # columns that `fix wall/gran ... contacts` has
+        kept = (1, FACES[face][0] + 5, 2, 3, 4)  # columns of `fix wall/gran ... contacts`
         for name, column in zip(wall_columns(face, axes(problem)), kept, strict=False):
             lines.append(f"variable     {name} atom {'+'.join(f'f_{face}{m}[{column}]' for m in materials)}")
     return ["# --- walls of monitors: whether a sphere touches, where the wall is, and its force on the sphere", *lines]
 
 
 def _values(problem: Problem) -> str:
-    """Return what LAMMPS calls the columns from the normal force on: a vector begins at p1, p10 and p5."""
+    """Return the LAMMPS names of the columns from the normal force on; a vector begins at p1, p10 and p5."""
     scene = problem.scene
     starts = (1, 10, 5) if scene.effects.rolling is True else (1, 10)
     return " ".join(["force", *(f"p{first + part}" for first in starts for part in range(scene.space))])
@@ -74,9 +74,10 @@ def monitor_files(problem: Problem) -> list[str]:
 
 
 def is_whole(path: Path, records: int, last: int) -> bool:
-    """Return whether a file of a monitor is there and ends with the record of the last step.
+    """Return whether a file of a monitor exists and ends with the record of the last step.
 
-    A file of motion has this number of records too; text is not counted, as that takes as long as to read it.
+    A file of motion must also have this number of records; records of text are not counted, as this takes as long as
+    reading them.
     """
     if not path.is_file():
         return False
@@ -87,14 +88,14 @@ def is_whole(path: Path, records: int, last: int) -> bool:
 
 
 def monitors(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the blocks of all monitors of a problem; from a checkpoint on, their dumps are continued."""
+    """Return the blocks of all monitors of a problem; after a checkpoint their dumps continue."""
     own = [_monitor(number, each, problem, checkpoint) for number, each in enumerate(problem.monitors, 1)]
     walls = _wall_lines(problem)
     return apart([walls, *own] if walls else own)
 
 
 def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: str) -> list[str]:
-    # With the cutoff "type" pairs that LAMMPS has no contact of are among them: their vector is 0
+    # With the cutoff "type", pairs without a contact in LAMMPS are included; their vector is 0
     cutoff, scene = problem.scene.material.contact_law.cutoff, problem.scene
     name, tag = f"monitor{number}", str(number)
     walls = [each for face in problem.rest.planes for each in wall_columns(face, axes(problem))]
@@ -113,7 +114,7 @@ def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: s
         names = " ".join(f"colname {column} {name}" for column, name in zip(columns, titles, strict=True))
         file = MONITOR_CONTACTS.format(placed.monitor.name)
         lines += [
-            "# forces of its contacts; LAMMPS names pairs of spheres, and the group holds those around too",
+            "# forces of its contacts; LAMMPS lists pairs, and the group includes the spheres around the monitor",
             f"group        around{tag} id {id_ranges(placed.around)}",
             f"compute      ends{tag} around{tag} property/local patom1 patom2 cutoff {cutoff}",
             f"compute      push{tag} around{tag} pair/local {_values(problem)} cutoff {cutoff}",

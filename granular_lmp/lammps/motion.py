@@ -1,4 +1,4 @@
-"""The motion of the spheres of a deck that are not held."""
+"""Lines of a deck that move the spheres that are not held."""
 
 from granular_lmp.effects import selection
 from granular_lmp.effects.freedoms import style
@@ -12,7 +12,7 @@ def motion(problem: Problem) -> list[str]:
 
 
 def motion_of_meeting(problem: Problem) -> list[str]:
-    """Return the block that integrates the motion of spheres that meet, in their plane."""
+    """Return the block that integrates the motion of spheres that meet, in a plane."""
     return _motion(problem, start.plane(problem))
 
 

@@ -1,4 +1,4 @@
-"""The files of a run folder: their names, and how to read and mend the dumps and logs of LAMMPS."""
+"""Files of a run folder: their names, and functions that read and repair the dumps and logs of LAMMPS."""
 
 import csv
 import io
@@ -23,48 +23,52 @@ from granular_lmp.scene.schema import cut
 SCENE = "scene.toml"
 DUMP = "dump.centre"
 SNAPSHOTS = "dump.particles"
-UNNAMED = "dump.unnamed.bin"  # of a run without a scene, in place of all others; binary, in SI units
-PER_SAMPLE = "_per_sample"  # suffix of the folders that hold the runs of a tolerance
-CONTACTS = f"{DUMP}.contacts"  # single contacts at the looks where a guard needs them
-UNWAVED_CONTACTS = f"{SNAPSHOTS}.contacts"  # those of a run without a wave, which has no other dump
+UNNAMED = "dump.unnamed.bin"  # of a run without a scene, in place of all other dumps; binary, in SI units
+UNNAMED_CONTACTS = "contacts.unnamed.bin"  # of its contacts, if there were local dumps
+PER_SAMPLE = "_per_sample"  # suffix of the folders with the runs to a tolerance
+CONTACTS = f"{DUMP}.contacts"  # single contacts, at looks where a guard needs them
+UNWAVED_CONTACTS = f"{SNAPSHOTS}.contacts"  # of a run without a wave
 MONITOR = "monitor.{}.bin"  # motion of the spheres of a monitor, binary
-MONITOR_CONTACTS = "monitor.{}.contacts"  # forces of their contacts, text: LAMMPS writes no others
+MONITOR_CONTACTS = "monitor.{}.contacts"  # forces of their contacts, as text: the only form in LAMMPS
 LOG = "log.lammps"
-UNKNOWN = "-"  # in a line of a log, in place of a number that was not measured
+UNKNOWN = "-"  # word in a line of a log, in place of a number that was not measured
 STATUS = "run.json"
 SWEEP = "sweep.json"
 COST = "cost.json"
 SCATTER = "scatter.csv"
-CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is complete at any moment
-CENTRE_COLUMNS = ("id", "ux", "uy")  # and rates, and where spheres turn and are tracked their spins and angles
-FOR_VIEWERS = ("type", "x", "y", "z", "radius", "mass")  # columns of spheres that a reader has from the scene
+CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one of them is always complete
+CENTRE_COLUMNS = ("id", "ux", "uy")  # and rates, and spins and angles if spheres turn and are tracked
+FOR_VIEWERS = ("type", "x", "y", "z", "radius", "mass")  # columns of spheres that a reader knows from the scene
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
-_LINES_AT_ONCE = 10_000  # of a dump that is read: a megabyte or two
+_LINES_AT_ONCE = 10_000  # size of a piece of a dump to read: a megabyte or two
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
-_OF_PAIRS = b"ITEM: NUMBER OF ENTRIES\n"  # a dump of spheres says "ATOMS"
+_OF_PAIRS = b"ITEM: NUMBER OF ENTRIES\n"  # a dump of spheres has "ATOMS"
 _LONGEST = 1e12  # s, of a time loop: 30,000 years
 LOOP_SECTIONS = tuple(f"loop.{name}" for name in ("pair", "neigh", "comm", "output", "modify", "other"))
 _EVERY = re.compile(r"^thermo +([1-9]\d{0,17})$", re.MULTILINE)
-_SECTION = re.compile(r"^(Pair|Neigh|Comm|Output|Modify) *\|[^|\n]*\|([^|\n]*)\|", re.MULTILINE)  # average of all ranks
+_SECTION = re.compile(
+    r"^(Pair|Neigh|Comm|Output|Modify) *\|[^|\n]*\|([^|\n]*)\|", re.MULTILINE
+)  # average over all ranks
 
 
 @contextmanager
 def writable(folder: Path) -> Iterator[None]:
-    """Turn system errors while a folder is created or written into a RunFolderError of one line."""
+    """Turn system errors while a folder is created or written into a one-line RunFolderError."""
     try:
         yield
     except FileExistsError as error:
         advice = f"choose another folder or say force=True{advice_to_ranks()}"
-        raise RunFolderError(f"{folder}: is there already; {advice}") from error
+        raise RunFolderError(f"{folder}: exists already; {advice}") from error
     except OSError as error:
         raise RunFolderError(f"{folder}: cannot be written: {one_line(error)}") from error
 
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Yield the path of a draft, which becomes the file at the end; after a failure no part and no new folder stays.
+    """Yield the path of a draft that later becomes the file; a failure leaves no part of it and no new folder.
 
-    What is no file, ``/dev/stdout`` say, is written as it is. System errors are those of `writable`.
+    A path that is not a regular file, such as ``/dev/stdout``, is written directly. System errors are those of
+    `writable`.
     """
     path = Path(os.path.realpath(path))
     new = [each for each in path.parents if not each.exists()]
@@ -84,7 +88,7 @@ def whole(path: Path) -> Iterator[Path]:
 
 
 def write_files(folder: Path, files: Mapping[str, Iterable[str]]) -> None:
-    """Write files, name → text in pieces, into a folder that is there."""
+    """Write files, name → text in pieces, into an existing folder."""
     with writable(folder):
         for name, pieces in files.items():
             with (folder / name).open("w", encoding="utf-8") as stream:
@@ -92,7 +96,7 @@ def write_files(folder: Path, files: Mapping[str, Iterable[str]]) -> None:
 
 
 def write_deck(folder: str | Path, files: Mapping[str, Iterable[str]], *, force: bool) -> None:
-    """Write the files of a deck into a folder, which is created, without the status of an earlier run of another deck.
+    """Write the files of a deck into a folder, which is created, and remove the status of an earlier run.
 
     Raises
     ------
@@ -107,7 +111,7 @@ def write_deck(folder: str | Path, files: Mapping[str, Iterable[str]], *, force:
 
 
 def replace_text(path: Path, text: str) -> None:
-    """Replace a file atomically, so that a reader or a crash finds the old or the new text, never a part."""
+    """Replace a file atomically: a reader, or a crash, finds the old or the new text, never a part."""
     with _drafted(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
@@ -121,13 +125,13 @@ def csv_text(columns: Iterable[str], lines: Iterable[Iterable[Any]]) -> str:
 
 @contextmanager
 def _drafted(path: Path, suffix: str = "") -> Iterator[Path]:
-    """Yield the path of a draft, which becomes the file at the end, and is removed after a failure."""
+    """Yield the path of a draft that becomes the file at the end, or is removed after a failure."""
     draft = path.with_name(f"{path.name}.part{suffix}")
     try:
         yield draft
         os.replace(draft, path)
     except BaseException:
-        with suppress(OSError):  # on a disk that is read-only, say
+        with suppress(OSError):  # for instance on a read-only disk
             (shutil.rmtree if draft.is_dir() else os.unlink)(draft)
         raise
 
@@ -138,13 +142,13 @@ Snapshot = tuple[int, list[str], NDArray[np.float64]]
 def read_snapshot(stream: Iterator[str], but: Collection[str] = ()) -> Snapshot | None:
     """Return step, column names and table (entries, columns) of the next snapshot of a LAMMPS text dump.
 
-    The table lacks the columns named in `but`, since numbers of 17 digits take most of the time. None stands for the
-    end of the file, and for a snapshot that a killed run wrote half of.
+    The table omits the columns in `but`, since reading numbers of 17 digits takes most of the time. None means the end
+    of the file, or an incomplete snapshot of a killed run.
 
     Raises
     ------
     ValueError
-        If the file holds something else there.
+        If the file holds something else at this place.
     """
     head = list(islice(stream, _LINES_BEFORE_ATOMS))
     if len(head) < _LINES_BEFORE_ATOMS or not head[-1].endswith("\n"):
@@ -163,7 +167,7 @@ def read_snapshot(stream: Iterator[str], but: Collection[str] = ()) -> Snapshot 
 
 
 def _alike(lines: list[str], names: list[str], entries: int, but: Collection[str]) -> list[Snapshot]:
-    """Return the snapshots in some lines, read at once; [] unless all are whole, with these columns and entries."""
+    """Return the snapshots in some lines, read at once; [] unless all are complete, with these columns and entries."""
     length = _LINES_BEFORE_ATOMS + entries
     heads = [{*lines[at::length]} for at in (0, 3, _LINES_BEFORE_ATOMS - 1)]
     if len(lines) % length or heads[:2] != [{_SNAPSHOT.decode()}, {f"{entries}\n"}] or len(heads[2]) != 1:
@@ -179,9 +183,9 @@ def _alike(lines: list[str], names: list[str], entries: int, but: Collection[str
 
 
 def read_snapshots(path: str | Path, but: Collection[str] = ()) -> Iterator[Snapshot]:
-    """Yield step, column names and table (entries, columns) of each whole snapshot of a LAMMPS text dump.
+    """Yield step, column names and table (entries, columns) of each complete snapshot of a LAMMPS text dump.
 
-    The table lacks the columns named in `but`.
+    The table omits the columns in `but`.
 
     Raises
     ------
@@ -195,7 +199,7 @@ def read_snapshots(path: str | Path, but: Collection[str] = ()) -> Iterator[Snap
                 yield snapshot
                 _, names, table = snapshot
                 length = _LINES_BEFORE_ATOMS + len(table)
-                # Snapshots of a few spheres are read many at once, twice as fast
+                # Many snapshots of a few spheres are read at once, twice as fast
                 if even and (lines := list(islice(stream, _LINES_AT_ONCE // length * length))):
                     yield from (more := _alike(lines, names, len(table), but))
                     if not more:
@@ -207,14 +211,15 @@ def read_snapshots(path: str | Path, but: Collection[str] = ()) -> Iterator[Snap
 def read_dump(
     path: str | Path, spheres: int | None, needed: Sequence[str], but: Collection[str] = ()
 ) -> dict[str, NDArray[np.float64]]:
-    """Return ``step`` (T,) and the columns by name, (T, spheres) each, of a dump that has those that are `needed`.
+    """Return ``step`` (T,) and the columns by name, (T, spheres) each, of a dump with the `needed` columns.
 
-    Columns named in `but` are left out. Without a number of spheres it is that of the first snapshot.
+    Columns in `but` are left out. The default number of spheres is that of the first snapshot.
 
     Raises
     ------
     RunFolderError
-        If the file cannot be read, lacks a column, or holds other ones or another number of spheres later on.
+        If the file cannot be read or lacks a column, or if a later snapshot has other columns or another number of
+        spheres.
     """
     steps: list[int] = []
     tables: list[NDArray[np.float64]] = []
@@ -241,7 +246,7 @@ def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
     Raises
     ------
     RunFolderError
-        As `read_dump`.
+        As for `read_dump`.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -252,7 +257,7 @@ def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
 
 
 def _even_table(dump: str) -> dict[str, NDArray[np.float64]] | None:
-    """Return what `read_centre` does, faster; None unless all snapshots are whole and of one sphere."""
+    """Return the result of `read_centre`, but faster; None unless all snapshots are complete and have one sphere."""
     *lines, end = dump.split("\n")
     length = _LINES_BEFORE_ATOMS + 1
     heads = [set(lines[at::length]) for at in (0, 3, 8)]
@@ -271,7 +276,7 @@ def _even_table(dump: str) -> dict[str, NDArray[np.float64]] | None:
 
 @dataclass(frozen=True)
 class SnapshotPlace:
-    """The place of a complete snapshot in a LAMMPS text dump, with its step and its number of entries.
+    """Place of a complete snapshot in a LAMMPS text dump, with its step and its number of entries.
 
     Attributes
     ----------
@@ -296,7 +301,7 @@ def whole_snapshots(path: str | Path) -> Iterator[SnapshotPlace]:
     with Path(path).open("rb") as stream:
         for line in chain(stream, [_SNAPSHOT]):
             cut = line.find(_SNAPSHOT)
-            if cut > 0:  # the last line of the snapshot before is incomplete
+            if cut > 0:  # the last line of the previous snapshot is incomplete
                 lines, last = lines + 1, line[:cut]
             if cut >= 0:
                 end += cut
@@ -311,7 +316,7 @@ def whole_snapshots(path: str | Path) -> Iterator[SnapshotPlace]:
 
 
 def last_step(path: Path) -> int | None:
-    """Return the step of the last snapshot of a LAMMPS text dump; None if its last line is cut off, or without one."""
+    """Return the step of the last snapshot of a LAMMPS text dump; None if it is incomplete or missing."""
     size = path.stat().st_size
     with path.open("rb") as stream:
         for back in (1 << 16, 1 << 22, size):
@@ -323,7 +328,7 @@ def last_step(path: Path) -> int | None:
 
 
 def _is_whole(head: list[bytes], entries: int, last: bytes) -> bool:
-    """Return whether a snapshot is complete; one of spheres is not empty, while at a time no two may touch."""
+    """Return whether a snapshot is complete; a snapshot of spheres must have entries, one of contacts need not."""
     numbers, fewest = [line.strip() for line in head[1:4:2]], 0 if head[2:3] == [_OF_PAIRS] else 1
     if entries < fewest or not last.endswith(b"\n"):
         return False
@@ -331,16 +336,16 @@ def _is_whole(head: list[bytes], entries: int, last: bytes) -> bool:
 
 
 def mend_dump(path: str | Path) -> None:
-    """Turn the dump of a stopped run, or of a run and its continuation, into that of one uninterrupted run.
+    """Turn the dump of a stopped run, or of a run and its continuation, into that of an uninterrupted run.
 
-    Incomplete snapshots and empty ones of spheres are removed; of snapshots with the same step the later one, written
-    by the continuation, is kept. The dump of an uninterrupted run is not touched.
+    Incomplete snapshots and empty snapshots of spheres are removed. If two snapshots have the same step, the later one,
+    from the continuation, is kept. The dump of an uninterrupted run does not change.
     """
     keep_latest(Path(path), whole_snapshots(path))
 
 
 def keep_latest(path: Path, snapshots: Iterable[SnapshotPlace]) -> None:
-    """Replace a file by its snapshots at these places, the last of each step, unless it holds just them."""
+    """Replace a file by its last snapshot of each step at these places, unless it holds only these."""
     kept: list[SnapshotPlace] = []
     for snapshot in snapshots:
         while kept and kept[-1].step >= snapshot.step:
@@ -355,26 +360,26 @@ def keep_latest(path: Path, snapshots: Iterable[SnapshotPlace]) -> None:
 
 
 def mend_log(path: str | Path) -> None:
-    """Remove an incomplete last line from the log of a killed run, so that the continuation starts a new line."""
+    """Remove an incomplete last line from the log of a killed run, so that a continuation starts a new line."""
     text = Path(path).read_bytes()
     os.truncate(path, text.rfind(b"\n") + 1)
 
 
 @dataclass(frozen=True)
 class RunLog:
-    """Contents of a LAMMPS log about its last run.
+    """Data in a LAMMPS log on its last run.
 
     Attributes
     ----------
     table : dict of str to array
         Thermo table by column.
     loop : float
-        Wall seconds of the time loop; nan if none has ended.
+        Wall time of the time loop, s; nan if no loop has ended.
     sections : dict of str to float
-        The same by LAMMPS's own sections, ``loop.pair`` to ``loop.other``, on average of the ranks; empty if no time
-        loop has ended.
+        Wall time by the sections of LAMMPS, ``loop.pair`` to ``loop.other``, averaged over the ranks; empty if no loop
+        has ended.
     every : int
-        Steps between two lines of the table as the deck has them; 1 if the log does not say.
+        Steps between two lines of the table in the deck; 1 if the log does not say.
     """
 
     table: dict[str, NDArray[np.float64]]
@@ -386,14 +391,13 @@ class RunLog:
 def read_log(path: str | Path) -> RunLog:
     """Read a LAMMPS log.
 
-    Runs with the same columns (a run and its continuations) form one table, in which the step of a checkpoint stands
-    twice: with the extremes before it, and with those after it. Their seconds add up. An incomplete last line is left
-    out.
+    Runs with the same columns (a run and its continuations) form one table. The step of a checkpoint stands in it
+    twice, with the extremes before and after it. Wall times add up. An incomplete last line is left out.
 
     Raises
     ------
     RunFolderError
-        If the log cannot be read, or says seconds that are no number.
+        If the log cannot be read, or its wall time is not a number.
     """
     try:
         return _log_of(Path(path).read_text(encoding="utf-8", errors="replace"))
@@ -419,7 +423,9 @@ def _log_of(text: str) -> RunLog:
         elif words[:3] == ["Loop", "time", "of"]:
             seconds[names] = seconds.get(names, 0.0) + _seconds(" ".join(words[3:4]))
             inside = False
-    names = next((each for each in reversed(tables) if len(each) > 1), names)  # on its way to a look a run has one
+    names = next(
+        (each for each in reversed(tables) if len(each) > 1), names
+    )  # a run that has not reached a look has one line
     rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))
     loop = seconds.get(names, float("nan"))
@@ -429,7 +435,7 @@ def _log_of(text: str) -> RunLog:
 
 
 def _numbers(words: list[str]) -> list[float] | None:
-    """Return the numbers in a line of a thermo table; None of a warning between two lines."""
+    """Return the numbers in a line of a thermo table; None for a warning between two lines."""
     try:
         return [*map(float, words)] if UNKNOWN not in words else [nan if w == UNKNOWN else float(w) for w in words]
     except ValueError:
@@ -448,6 +454,6 @@ def _seconds(word: str) -> float:
 
 def _sections(log: str, loop: float) -> dict[str, float]:
     sections = dict.fromkeys(LOOP_SECTIONS, 0.0)
-    for name, seconds in _SECTION.findall(log):  # the preload of one step has none
+    for name, seconds in _SECTION.findall(log):  # the preload of one step has no such line
         sections[f"loop.{name.lower()}"] += _seconds(seconds)
     return sections | {"loop.other": loop - sum(sections.values())}

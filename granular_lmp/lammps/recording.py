@@ -1,4 +1,4 @@
-"""The record of a deck: the centre sphere or spheres of a struck crystal, snapshots, checkpoints, and the run."""
+"""Record of a deck: the centre sphere or the spheres of a struck crystal, snapshots, checkpoints, and the run."""
 
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
@@ -10,7 +10,7 @@ from granular_lmp.lammps.guards import verdict
 from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.problem import Problem
 
-_QUATERNION = "wxyz"  # parts of the compute "turned", in their order
+_QUATERNION = "wxyz"  # parts of the compute "turned", in order
 
 
 def sphere_columns(problem: Problem) -> str:
@@ -31,7 +31,7 @@ def _columns(name: str, parts: str) -> str:
 
 
 def every_digit(problem: Problem) -> str:
-    """Return the words of ``dump_modify`` with which a dump of spheres has every digit and names that OVITO knows."""
+    """Return the words of ``dump_modify`` for a dump of spheres with all digits and names that OVITO knows."""
     return f"sort id format float %.17g {sphere_names(problem)}"
 
 
@@ -48,7 +48,7 @@ def sphere_names(problem: Problem) -> str:
 
 
 def record(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the block of the record; from a checkpoint on, its dumps are continued."""
+    """Return the block of the record; after a checkpoint its dumps continue."""
     minutes = minutes_between(problem.scene.output.checkpoint, problem.scene.shape.spheres)
     of, dumps = (" of the centre sphere", _centre(problem)) if problem.wave else ("", _recorded(problem))
     names = [line.split()[1] for line in dumps if line.startswith("dump ")]
@@ -61,7 +61,7 @@ def record(problem: Problem, checkpoint: str = "") -> list[str]:
 
 
 def _centre(problem: Problem) -> list[str]:
-    """Return the dump of the centre sphere, and of all spheres where the scene declares snapshots."""
+    """Return the dump of the centre sphere, and of all spheres if the scene declares snapshots."""
     thetas = [f"theta{end}" for end in turns(problem) if problem.on["tracking"]]
     named = {f"c_u[{number}]": f"u{axis}" for number, axis in enumerate(axes(problem), 1)}
     named |= {f"v_{theta}": theta for theta in thetas}
@@ -85,7 +85,7 @@ def _recorded(problem: Problem) -> list[str]:
     """Return the dump of the recorded spheres of a struck crystal."""
     forces = [f"f{axis}" for axis in axes(problem) if problem.scene.output.forces]
     variables, columns, names = [], forces, ""
-    if freezes(problem):  # which leaves 0 in fx of a held sphere
+    if freezes(problem):  # freezing leaves 0 in fx of a held sphere
         variables = [f"variable     {force} atom {force}+f_borne[{number}]" for number, force in enumerate(forces, 1)]
         columns = [f"v_{force}" for force in forces]
         names = "".join(f" colname v_{force} {force}" for force in forces)
@@ -100,18 +100,18 @@ def _recorded(problem: Problem) -> list[str]:
 
 
 def run(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the command of the run, or of the rest of one that continues, and the verdict of its guards."""
+    """Return the command of the run, or of the rest of a continued run, and the verdict of its guards."""
     return [f"run ${{steps}}{' upto' if checkpoint else ''}", *verdict(problem)]
 
 
 def run_of_meeting(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the same of spheres that meet, which may fly.
+    """Return the command and the verdict for spheres that meet and may fly.
 
-    The run is set up anew at each checkpoint, as a continuation is: forces that depend on velocities
-    are then computed from the same ones in both, and the box is that of the checkpoint.
+    The run is set up again at each checkpoint, like a continuation: both then compute forces from the same velocities,
+    and have the box of the checkpoint.
     """
     upto = " upto" if checkpoint else ""
-    comment = ["# --- at a checkpoint the run is set up anew, and its box too, as in a continuation"]
+    comment = ["# --- at a checkpoint the run and its box are set up again, as in a continuation"]
     return [
         *([] if checkpoint else comment),
         f'run          ${{steps}}{upto} every ${{checkpoint}} "change_box all boundary {boundary(problem)}"',

@@ -1,17 +1,15 @@
 """Large perfect sheets: the data file holds one period of rows, and LAMMPS makes the other rows and the wave.
 
-Of the seconds that LAMMPS takes before the first step of a million spheres, seven tenths are the parsing of text, which
-only its first rank does. So the data file of a sheet of `LARGE` spheres or more holds the one or two rows after which
-the lattice repeats. LAMMPS replicates them and computes, with c and n the column and the row from the centre sphere,
+Before the first step of a million spheres, LAMMPS spends 70 % of the time parsing text, on its first rank only. So the
+data file of a sheet of `LARGE` or more spheres holds only the one or two rows after which the lattice repeats. LAMMPS
+replicates them and computes, with column c and row n counted from the centre sphere,
 
     x = (c + 1/4) a,    y = n h,    u = Re[U e^{iθ}],    v = Re[−iΩ U e^{iθ}],    θ = n k_y h + c k_x a + phase
 
-for unit amplitude. The operations of x, y and θ are those of `granular_lmp.crystal.lattices` and
-`granular_lmp.rest.initial_fields` in the same order, so spheres have the same positions to the last bit. The fields
-differ by one unit in their thirteenth decimal where the two cosines round to either side of it: 1e-13 D0.
-
-Spheres have the same numbers on any number of ranks, because replicas are numbered by their place and not by their
-rank. Numbers of ``create_atoms`` are those of the ranks.
+for unit amplitude. The operations for x, y and θ have the same order as in `granular_lmp.crystal.lattices` and
+`granular_lmp.rest.initial_fields`, so positions agree to the last bit. Fields may differ by 1e-13 D0, one unit in their
+thirteenth decimal, if the two cosines round differently. Spheres have the same identifiers on any number of ranks,
+because replicas are numbered by place; with ``create_atoms`` identifiers would depend on the ranks.
 """
 
 import numpy as np
@@ -25,12 +23,12 @@ from granular_lmp.lammps.ends import box_of
 from granular_lmp.problem import Problem
 from granular_lmp.rest.linear import BlochWave, physics_of
 
-# Spheres from which a sheet is replicated. LAMMPS parses 1e5 of them in 0.9 s; smaller decks are data that one can read
+# Fewest spheres of a replicated sheet. LAMMPS parses 1e5 spheres in 0.9 s, and data of smaller decks stay readable
 LARGE = 100_000
 
 
 def suits(problem: Problem) -> bool:
-    """Return whether LAMMPS makes the spheres of a problem: a large perfect sheet, at rest or with a plane wave."""
+    """Return whether LAMMPS makes the spheres: for a large perfect sheet, at rest or with a plane wave."""
     scene = problem.scene
     if problem.wave is None:
         return False
@@ -62,7 +60,7 @@ def first_rows(problem: Problem) -> DataFile:
 
 
 def lines(problem: Problem) -> list[str]:
-    """Return the lines of the deck that make all spheres, hold those of the ends, and set the fields of the wave."""
+    """Return the lines of the deck that make all spheres, hold the ends, and set the fields of the wave."""
     scene, period = problem.scene, problem.scene.lattice.row_period
     (left, right), (bottom, top), _ = box_of(problem).tolist()
     count, rows = scene.shape.spheres, scene.shape.rows
@@ -77,7 +75,7 @@ def lines(problem: Problem) -> list[str]:
         ]
     lines += [
         f"change_box   all x final {left!r} {right!r} y final {bottom!r} {top!r} units box",
-        "# column and row from the centre sphere, and with all digits the place there",
+        "# column and row from the centre sphere, and the place with all digits",
         f"variable     row    atom floor((id-1)/{in_row})-{scene.shape.centre_row}",
         *_places(problem),
         f"variable     at_x   atom (v_column+0.25)*{across!r}*v_R",
@@ -94,13 +92,13 @@ def lines(problem: Problem) -> list[str]:
 
 
 def _places(problem: Problem) -> list[str]:
-    """Return the lines of the variable column, which is shifted by the stacking; in a bulk crystal by row and layer."""
+    """Return the lines of the variable column, with the shift of the stacking, in a bulk crystal by row and layer."""
     scene = problem.scene
     lattice, columns, layers = scene.lattice, scene.shape.columns, scene.shape.layers
     if not lattice.solid:
         shift = f"+{lattice.shift!r}*(abs(v_row)%2)" if lattice.shift else ""
         return [f"variable     column atom (id-1)%{columns}-{columns // 2}{shift}"]
-    many = lattice.row_period * scene.shape.rows  # as % keeps the sign of a row
+    many = lattice.row_period * scene.shape.rows  # because % keeps the sign of a row
     shifts = [
         f"+{part - int(part)!r}*((v_row+{many})%{lattice.row_period}=={row})*(v_layer%{lattice.layer_period}=={layer})"
         for row, each in enumerate(lattice.stacking)
@@ -114,7 +112,7 @@ def _places(problem: Problem) -> list[str]:
 
 
 def _wave(problem: Problem) -> list[str]:
-    """Return the lines that set the fields of the spheres that are not held; fields that are zero stay so."""
+    """Return the lines that set the nonzero fields of the spheres that are not held."""
     scene, wave = problem.scene, problem.wave
     if wave is None or not wave.declared.known.fills:
         return []
@@ -132,7 +130,7 @@ def _wave(problem: Problem) -> list[str]:
 
 
 def _in_space(wave: BlochWave, physics: Physics) -> dict[str, str]:
-    """Return the formulas of the fields of a mode of six freedoms, by name; those that are zero are left out."""
+    """Return the formulas of the nonzero fields of a mode with six freedoms, by name."""
     mode, form, fields = wave.mode, wave.declared.known, {}
     names = [f"{field}{axis}" for field in ("u", "phi") for axis in "xyz"]
     for freedom in physics.coordinates:
@@ -149,7 +147,7 @@ def _in_space(wave: BlochWave, physics: Physics) -> dict[str, str]:
 
 
 def _in_plane(wave: BlochWave) -> dict[str, str]:
-    """Return the formulas of the fields of a mode in the plane, by name; those that are zero are left out."""
+    """Return the formulas of the nonzero fields of a mode in the plane, by name."""
     form, mode = wave.declared.known, wave.mode
     moves = {"ux": (mode.ux, "cos"), "uy": (mode.uy, "cos"), "phi": (-mode.f, "sin")}
     rates = {"vx": (mode.ux, "sin"), "vy": (mode.uy, "sin"), "vphi": (mode.f, "cos")}
@@ -159,5 +157,5 @@ def _in_plane(wave: BlochWave) -> dict[str, str]:
 
 
 def _row_spacing(problem: Problem) -> float:
-    """Return the distance of rows in radii."""
+    """Return the distance between rows, in radii."""
     return problem.scene.lattice.row_distance(lattice_constant(problem.scene.sphere))

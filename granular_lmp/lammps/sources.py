@@ -1,19 +1,19 @@
-"""The lines of a deck that shake spheres: the driven row of a wave, and the sources of a crystal at rest.
+"""Lines of a deck that shake spheres: the driven row of a wave, and the sources of a crystal at rest.
 
-Spheres are moved by ``fix move variable``. Contact forces see the velocities that spheres had half a step ago, which
-LAMMPS has of all others when it computes forces; a moved sphere therefore gets its last way over the step. With its
-present velocity the error would be of first order in the step (docs/waves.md).
+Spheres are moved by ``fix move variable``. When LAMMPS computes contact forces, all other spheres have their velocities
+of half a step earlier. A moved sphere therefore gets its last displacement divided by the step as its velocity; with
+its present velocity the error would be of first order in the step (page Waves of any form).
 
-A prescribed rotation is that of ``fix set``, which sets spins and dipoles at the end of a step: the spin is the way of
-the dipole over the next step, which is what contacts see in it.
+A prescribed rotation uses ``fix set``, which sets spins and dipoles at the end of a step. The spin is the rotation of
+the dipole during the next step, when contacts use it.
 
-A torque is that of ``fix efield`` on a dipole. In the plane the dipole is the one that tracks the angle θ of a sphere:
-a field f along y turns a dipole of length 1 along x by f cos θ. Scenes refuse torques that would turn spheres by more
-than some 2e-3, where 1 − cos θ is 2e-6. In space a quaternion tracks the angle, and the dipole stays where it is put:
-across the axis of the torque, and the field across both.
+A torque uses ``fix efield`` on a dipole. In the plane the dipole also tracks the angle θ of a sphere: a field f along y
+exerts the torque f cos θ on a dipole of length 1 along x. Scenes refuse torques that would turn spheres by more than
+about 2e-3, where 1 − cos θ is 2e-6. In space a quaternion tracks the angle, and the dipole keeps its direction: normal
+to the axis of the torque, with the field normal to both.
 
-Samples are four vectors of numbers, the coefficients of a cubic polynomial in each interval between two of them: LAMMPS
-keeps such a list as it was read, and a variable names the entry. A deck needs no file beside its own two.
+Samples are four vectors with the coefficients of a cubic polynomial in each interval; LAMMPS keeps the lists, and a
+variable selects the entry. A deck needs no file beside its own two.
 """
 
 from collections.abc import Callable
@@ -28,18 +28,18 @@ from granular_lmp.scene.samples import pieces
 from granular_lmp.scene.signals import SAMPLES
 from granular_lmp.scene.sources import ROTATIONS, TORQUES, PlacedSource, Source
 
-# LAMMPS evaluates a variable anew wherever it is named, at every step: what is constant stands there as a number
+# LAMMPS evaluates a variable again wherever it is named, at every step, so constants are written as numbers
 _STEP = "$(v_step/v_t0:%.17g)"
 _NUMBERS_A_LINE = 5
 
 
 @dataclass(frozen=True)
 class _Signal:
-    """A signal in LAMMPS's variable language.
+    """Signal in the variable language of LAMMPS.
 
-    It has its kind, the end of its names, its factor, the duration of its ramp or burst, its phase and sweep, and the
-    names of the variables that hold the time since it began, now and a step ago (or ahead); of samples also the number
-    of intervals between them, and their delay in intervals.
+    It holds its kind, the suffix of its names, its factor, the duration of its ramp or burst, its phase and sweep, and
+    the names of the variables for the time since it began, now and a step ago (or ahead). Samples also have their
+    number of intervals, and their delay in intervals.
     """
 
     kind: str
@@ -69,20 +69,20 @@ class _Signal:
         return [self._kept(s, share), _line(name + self.tag, f"{self.unit}*{text}")]
 
     def _kept(self, name: str, expression: str) -> str:
-        """Return the line of what is read more than once, as a vector of one entry: LAMMPS computes it once a step."""
+        """Return the line of a value read more than once, as a vector of one entry, computed once per step."""
         return f"variable     {name + self.tag:6} vector v_once{self.tag}*({expression})"
 
     def share(self, time: str) -> str:
-        """Return the time since the beginning as a share of the ramp or of the burst."""
-        begun = "" if time == "tau" else f"(v_{time}>0)*"  # the time of the run itself is never negative
+        """Return the time since the beginning over the duration of the ramp or burst."""
+        begun = "" if time == "tau" else f"(v_{time}>0)*"  # the time of the run is never negative
         return f"ternary(v_{time}<{self.length},{begun}v_{time}/{self.length},1.0)"
 
     def carrier(self, time: str, faster: str = "") -> str:
-        """Return cos(Ωt − phase), or with Ω times a factor."""
+        """Return cos(Ωt − phase), perhaps with a factor of Ω."""
         return f"cos(v_Omega{self.tag}*v_{time}{faster}-{self.phase})"
 
     def _of_samples(self, time: str, name: str, s: str) -> list[str]:
-        """Return the lines for the interval i, 1 before the first sample, the way s through it, and the signal."""
+        """Return the lines for the interval i (1 before the first sample), the share s of it, and the signal."""
         steps, i = {"was": "(step-1)", "next": "(step+1)"}.get(name, "step"), s.replace("s", "i", 1) + self.tag
         way = f"{steps}*$(v_advance{self.tag}:%.17g)" + (f"-{self.late!r}" if self.late else "")
         inside = f"({way}>=0)*(1+floor({way}))" if self.late or time != self.now else f"1+floor({way})"
@@ -94,9 +94,9 @@ class _Signal:
         ]
 
     def moved(self, step: str, *, ahead: bool = False) -> list[str]:
-        """Return the lines for the displacement `swing` of moved spheres, and for `speed`, half a step ago or `ahead`.
+        """Return the lines for the displacement `swing` of moved spheres, and the `speed` half a step ago or `ahead`.
 
-        `step` is the step in the units of the times.
+        `step` is in the unit of the times.
         """
         name, sign, tag = ("next", "+", self.tag) if ahead else ("was", "-", self.tag)
         later, sooner = (f"v_next{tag}", f"v_swing{tag}") if ahead else (f"v_swing{tag}", f"v_was{tag}")
@@ -108,7 +108,7 @@ class _Signal:
         ]
 
 
-# --- the variable s of each signal at a time, and the signal over it
+# --- the variable s of each signal at a time, and the signal as a function of s
 
 
 def _rise(s: str) -> str:
@@ -132,12 +132,12 @@ def _step(signal: _Signal, time: str, s: str) -> tuple[str, str]:
 
 
 def _ricker(signal: _Signal, time: str, s: str) -> tuple[str, str]:
-    """Return the signal; s is y of the wavelet, −12 at t = 0, where it is 71 e^{-36} = 2e-14 of its largest value."""
+    """Return the signal; s is y of the wavelet, −12 at t = 0, where it is 71 e^{-36} = 2e-14 of its maximum."""
     return f"v_Omega{signal.tag}*v_{time}-12.0", f"(1-0.5*{s}^2)*exp(-0.25*{s}^2)"
 
 
 def _samples(signal: _Signal, i: str, s: str) -> tuple[str, str]:
-    """Return the signal; the interval i stands for the time, and s is the way through it."""
+    """Return the signal in interval i, at the share s of the interval."""
     c0, c1, c2, c3 = (f"v_c{power}_{signal.tag}[v_{i}]" for power in range(4))
     return "", f"({c0}+{s}*({c1}+{s}*({c2}+{s}*{c3})))"
 
@@ -157,20 +157,19 @@ def _line(name: str, expression: str, comment: str = "") -> str:
 
 
 def _once(tag: str) -> str:
-    return f"variable     once{tag} vector [1]  # what it multiplies is computed once a step"
+    return f"variable     once{tag} vector [1]  # a factor that makes LAMMPS compute products once per step"
 
 
 def driven_row(problem: Problem) -> list[str]:
-    """Return the block of the driven row of a wave, [] without one."""
+    """Return the block of the driven row of a wave; [] if no row is driven."""
     wave = problem.wave
     if wave is None or not wave.declared.known.driven:
         return []
-    along_z = "NULL" if problem.scene.space == 2 else "v_rest"  # with NULL spheres would move along z by their forces
+    along_z = "NULL" if problem.scene.space == 2 else "v_rest"  # with NULL forces would move spheres along z
     return [
         "# --- drive: from rest, the first row is moved by D0 r cos(Omega tau - phase) along the d_u of its spheres, "
         "r = 0 to 1.",
-        "#     Contacts see the velocities that spheres had half a step ago: that of the row is its last way over the "
-        "step",
+        "#     Contacts use velocities of half a step ago: that of the row is its last displacement over the step",
         f"group        driven id 1:{problem.scene.shape.spheres // problem.scene.shape.rows}",
         _once(""),
         _line("Omega", repr(wave.mode.frequency), "rad per tau"),
@@ -210,7 +209,7 @@ def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
         head += [_line(f"t{tag}", f"step*{_STEP}-{source.delay!r}", "tau since it began")]
     if source.motion in ROTATIONS:
         return [
-            f"# --- {name}: {source.words}, with the spin that the next step needs: fix set comes at the end of a step",
+            f"# --- {name}: {source.words}, with the spin of the next step, as fix set acts at the end of a step",
             *head,
             f"group        mobile subtract mobile {name}",
             *signal.moved(_STEP, ahead=True),
@@ -220,7 +219,7 @@ def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
         ]
     if source.motion:
         return [
-            f"# --- {name}: {source.words}, with the velocity of half a step ago, which is what contacts see",
+            f"# --- {name}: {source.words}, with the velocity of half a step ago, as contacts use it",
             *head,
             f"group        mobile subtract mobile {name}",
             *signal.moved(_STEP),
@@ -246,16 +245,16 @@ def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
     ]
 
 
-_NEXT = {"x": "y", "y": "z", "z": "x"}  # the first axis × the next one is the third
+_NEXT = {"x": "y", "y": "z", "z": "x"}  # the first axis × the second is the third
 
 
 def _vector(axis: str, along: str, across: str) -> str:
-    """Return the words of a vector along an axis."""
+    """Return the three words of a vector along an axis."""
     return " ".join(along if each == axis else across for each in "xyz")
 
 
 def _moved(problem: Problem, source: Source, tag: str) -> str:
-    """Return the displacements and velocities of ``fix move``: spheres move along one axis and rest along others."""
+    """Return the displacements and velocities of ``fix move``: spheres move along one axis only."""
     none = ["v_still"] * problem.scene.space + ["NULL"] * (3 - problem.scene.space)
     return " ".join(
         f"v_{name}{tag}" if axis == source.axis and not source.turns else still
@@ -265,7 +264,7 @@ def _moved(problem: Problem, source: Source, tag: str) -> str:
 
 
 def _turned(tag: str, source: Source, problem: Problem) -> list[str]:
-    """Return the lines that hold spheres and turn them: spins, and dipoles or in space quaternions."""
+    """Return the lines that hold spheres and turn them: spins, and dipoles or, in space, quaternions."""
     name, fix = f"source{tag}", "fix          "
     spins = _vector(source.axis, f"v_spin{tag}", "v_nil")
     held = f"{fix}{name} {name} move variable {_moved(problem, source, tag)} units box"
@@ -288,7 +287,7 @@ def _turned(tag: str, source: Source, problem: Problem) -> list[str]:
 
 
 def _tables(tag: str, source: Source) -> list[str]:
-    """Return the vectors of the coefficients between samples, a few numbers to a line."""
+    """Return the vectors of the coefficients between samples, with a few numbers per line."""
     lines = []
     for number, row in enumerate(pieces(source.sampled)):
         numbers = [repr(float(each)) for each in row]

@@ -1,4 +1,4 @@
-"""The spheres of a deck at rest: the data file, and the block that reads it or makes a large sheet of it."""
+"""Spheres of a deck at rest: the data file, and the block that reads it or makes a large sheet from it."""
 
 import ase
 import numpy as np
@@ -11,11 +11,11 @@ from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.ends import boundary, box_of
 from granular_lmp.problem import Problem
 
-_NEIGHBOURS_THAT_FLY = ["neighbor     0.2 bin", start.STEP]  # spheres that fly outrun those that vibrate
+_NEIGHBOURS_THAT_FLY = ["neighbor     0.2 bin", start.STEP]  # flying spheres are faster than vibrating spheres
 
 
 def data_of(problem: Problem) -> DataFile:
-    """Return all spheres of a problem with the fields in which they begin."""
+    """Return all spheres of a problem with their initial fields."""
     packing, to_deck = problem.rest.atoms, problem.units.number(problem.scene.sphere.radius, length=1)
     return DataFile(
         box=box_of(problem),
@@ -36,13 +36,13 @@ def _densities(problem: Problem) -> NDArray[np.float64]:
 
 
 def types(packing: ase.Atoms) -> NDArray[np.int64]:
-    """Return the LAMMPS types of spheres: 2m + 1 for the free ones of material m, 2m + 2 for those that are held."""
+    """Return the LAMMPS types of spheres of material m: 2m + 1 if free, 2m + 2 if held."""
     material = packing.arrays.get("material", np.zeros(len(packing), dtype=int))
     return 2 * material + np.where(packing.arrays["fixed"], 2, 1)
 
 
 def spheres(problem: Problem) -> list[str]:
-    """Return the lines that read the spheres at rest and how they begin, or make a large sheet of its first rows."""
+    """Return the lines that read the spheres at rest and their initial fields, or make a large sheet from rows."""
     made = replicated.suits(problem)
     wave_is = "the variables wave_* are" if made else "the section wave of the data file holds"
     title = "lattice" + f" at rest; {wave_is} the wave for unit amplitude" if problem.scene.wave else "crystal at rest"
@@ -87,7 +87,7 @@ def restarted(problem: Problem, checkpoint: str) -> list[str]:
 
 
 def restarted_of_meeting(problem: Problem, checkpoint: str) -> list[str]:
-    """Return the same of spheres that meet."""
+    """Return the same lines for spheres that meet."""
     return [*_read_again(checkpoint), *_NEIGHBOURS_THAT_FLY]
 
 
@@ -96,7 +96,7 @@ def _read_again(checkpoint: str) -> list[str]:
 
 
 def _bins(problem: Problem) -> tuple[str, list[str]]:
-    """Return how spheres are sorted, and the lines of neighbour lists."""
+    """Return the words that sort spheres, and the lines of neighbour lists."""
     size = bins.size(problem)
     skin = problem.units.number(problem.scene.sphere.radius / bins.SKIN, length=1)
     clear = f"neigh_modify binsize {size!r}  # no sphere rests on the face of a bin"

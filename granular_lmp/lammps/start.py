@@ -1,6 +1,6 @@
-"""The start of a run: the fields of the wave and of the state, in the data file and in the lines that set them.
+"""Start of a run: the fields of the wave and of the state, in the data file and in the lines that set them.
 
-A state is in columns of its own, in the units of the deck, so that it does not scale with the amplitude of the wave.
+A state has separate columns in units of the deck, so it does not scale with the amplitude of the wave.
 """
 
 import numpy as np
@@ -14,11 +14,11 @@ from granular_lmp.rest.linear import physics_of
 
 STEP = "timestep     $(v_step:%.17g)"
 _REFERENCE = "compute      u all displace/atom"
-_MOVES = ("u", "v", "s", "sv")  # fields with a component along each axis; others are of angles
+_MOVES = ("u", "v", "s", "sv")  # fields with a component along each axis; the others are angles
 
 
 def field(problem: Problem) -> str:
-    """Return the line that names the columns of the section ``wave`` of the data file; "" without any."""
+    """Return the line that names the columns of the section ``wave`` in the data file; "" if there are none."""
     scene = problem.scene
     if scene.wave is None:
         state = _names(problem, "u", "v", "spin")
@@ -30,12 +30,12 @@ def field(problem: Problem) -> str:
 
 
 def _apart(problem: Problem) -> bool:
-    """Return whether the state has a section of its own: LAMMPS reads at most 255 letters in a line of one."""
+    """Return whether the state has its own section, as LAMMPS reads at most 255 characters in a line."""
     return problem.scene.space == 3 and problem.scene.wave is not None and problem.scene.start.moves
 
 
 def _names(problem: Problem, *fields: str) -> str:
-    """Return the columns of fields: "u" is ux, uy and in space uz; "phi" one angle or three, if spheres turn."""
+    """Return the columns of fields: "u" means ux, uy and in space uz; "phi" one or three angles if spheres turn."""
     spins = turns(problem) if problem.on["rotation"] else ()
     return " ".join(f"d_{field}{end}" for field in fields for end in (axes(problem) if field in _MOVES else spins))
 
@@ -52,7 +52,7 @@ def read(problem: Problem) -> list[str]:
 
 
 def columns(problem: Problem) -> NDArray[np.float64]:
-    """Return the section ``wave``, (N, 4 or 6): the wave for unit amplitude; behind it the state, 4 or 5 columns.
+    """Return the section ``wave``: the wave for unit amplitude, (N, 4 or 6), and then the state, 4 or 5 columns.
 
     In space the wave has 6 or 12 columns, and the state is in `state`.
     """
@@ -64,13 +64,13 @@ def columns(problem: Problem) -> NDArray[np.float64]:
             fields.displacement[source.spheres] = fields.velocity[source.spheres] = 0.0
     moving = physics_of(problem.scene).coordinates
     # 13 decimals of D0 are finer than a double resolves a position, and turn rounding into 0. The last decimal depends
-    # on the processor's cosine. No minus zeros
+    # on the cosine of the processor. Minus zeros are avoided
     wave = [part[:, moving].round(13) + 0.0 for part in (fields.displacement, fields.velocity)]
     return np.hstack([*wave, *([] if _apart(problem) else [_state(problem)])])
 
 
 def state(problem: Problem) -> NDArray[np.float64]:
-    """Return the section ``state`` beside a wave in space, (N, 6 or 9); (0, 0) where it is none."""
+    """Return the section ``state`` beside a wave in space, (N, 6 or 9); (0, 0) if there is none."""
     return _state(problem) if _apart(problem) else np.empty((0, 0))
 
 
@@ -89,16 +89,16 @@ def _state(problem: Problem) -> NDArray[np.float64]:
 
 
 def _preloads(problem: Problem) -> bool:
-    """Return whether contacts are sheared at the beginning; without a wave only by a state that displaces spheres."""
+    """Return whether contacts are sheared at the start: by a wave, or by a state that displaces spheres."""
     if problem.scene.wave is None:
         return problem.on["shear"] and bool(problem.rest.state[:, :3].any())
     return problem.scene.form.fills or problem.scene.start.moves
 
 
 def _sum(problem: Problem, of_wave: str, of_state: str) -> str:
-    """Return the sum of a field of the wave and one of the state, of those that the scene begins with.
+    """Return the sum of the fields of the wave and of the state, as far as the scene has them.
 
-    The field of a driven row says where it will move; a preload would shear its contacts as if it had moved at once.
+    The field of a driven row is left out: it describes its later motion, and a preload would shear contacts at once.
     """
     if not problem.scene.form.fills:
         return of_state
@@ -106,12 +106,12 @@ def _sum(problem: Problem, of_wave: str, of_state: str) -> str:
 
 
 def preload(problem: Problem) -> list[str]:
-    """Return the lines that move the spheres from rest to their places, or that count displacements from rest."""
+    """Return the lines that move spheres from rest to their initial places, or only measure displacements from rest."""
     return _preload(problem, reference(problem), plane(problem))
 
 
 def preload_of_meeting(problem: Problem) -> list[str]:
-    """Return the same of spheres that meet, whose plane comes with the motion: a continued run repeats that."""
+    """Return the same lines for spheres that meet; their plane comes with the motion, which a continued run repeats."""
     return _preload(problem, reference_of_meeting(problem), [])
 
 
@@ -125,7 +125,7 @@ def _preload(problem: Problem, otherwise: list[str], held: list[str]) -> list[st
     return [
         f"# --- preload: one long step without forces, from rest to the {'wave' if wave else 'state'}, loads the shear "
         "springs",
-        "timestep     $(1e6*v_step:%.17g)  # so slow that dashpots hardly push",
+        "timestep     $(1e6*v_step:%.17g)  # so slow that dashpots hardly act",
         _REFERENCE,
         *(f"variable     to_u{axis} atom {way}/dt" for axis, way in ways.items()),
         f"velocity     all set {along(problem, 'to_u', 'NULL')} units box",
@@ -141,17 +141,17 @@ def _preload(problem: Problem, otherwise: list[str], held: list[str]) -> list[st
 
 
 def reference(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the lines that count displacements from rest: LAMMPS finds the places of a checkpoint by the name u."""
+    """Return the lines that measure displacements from rest; LAMMPS finds the places in a checkpoint by the name u."""
     return [_REFERENCE, *plane(problem), STEP]
 
 
 def reference_of_meeting(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the same of spheres that meet, whose step is set with the neighbour lists."""
-    return ["# --- displacements count from the places at rest", _REFERENCE]
+    """Return the same lines for spheres that meet; their step is set with the neighbour lists."""
+    return ["# --- displacements are measured from the places at rest", _REFERENCE]
 
 
 def plane(problem: Problem) -> list[str]:
-    """Return the line that holds the spheres in their plane; [] in space."""
+    """Return the line that keeps the spheres in their plane; [] in space."""
     return ["fix          plane all enforce2d"] if problem.scene.space == 2 else []
 
 
@@ -161,7 +161,7 @@ def kept_field(problem: Problem, checkpoint: str) -> list[str]:
 
 
 def begin(problem: Problem) -> list[str]:
-    """Return the lines of the true velocities, spins and angles of the wave and of the state."""
+    """Return the lines that set velocities, spins and angles of the wave and of the state."""
     if problem.scene.wave is None:
         return _begun(problem)
     if not _preloads(problem):

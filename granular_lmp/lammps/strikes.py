@@ -1,13 +1,13 @@
-"""The lines of a deck that strike spheres: velocities that do not scale with the amplitude of a wave."""
+"""Lines of a deck that strike spheres: velocities that do not scale with the amplitude of a wave."""
 
 from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.problem import Problem
 
 
 def strikers(problem: Problem) -> list[str]:
-    """Return the block that gives strikers their velocities, in addition to that of a wave; [] without any.
+    """Return the block that adds the velocities of strikers to those of a wave; [] if there are none.
 
-    One group after the other is made, as LAMMPS has 32 at most.
+    Groups are made and deleted one after the other, as LAMMPS allows 32.
     """
     alone = problem.scene.wave is None
     text = ["# --- strikers" + ("" if alone else ": velocities in addition to that of the wave")]

@@ -1,4 +1,4 @@
-"""The head of a deck: its title, the variables that ``-var`` overrides, its units and its clock."""
+"""Head of a deck: its title, the variables that ``-var`` overrides, its units and its clock."""
 
 from granular_lmp.effects import selection
 from granular_lmp.errors import RunFolderError
@@ -7,7 +7,7 @@ from granular_lmp.lammps.outputs import DUMP, LOG, SNAPSHOTS
 from granular_lmp.problem import Problem
 from granular_lmp.scene.schema import cut
 
-# Names that somebody would try with -var, and that would be ignored
+# Names that a user may try with -var, which would be ignored
 NO_VARIABLES = ("xi", "mode", "rows", "columns", "amp")
 _SAID = "granular-lmp variables: "
 
@@ -28,12 +28,12 @@ def data_title(problem: Problem) -> str:
 
 
 def heading(problem: Problem) -> list[str]:
-    """Return what a deck is, how it is run, and when its run is invalid."""
+    """Return the comment lines on what a deck is and how to run it."""
     scene = problem.scene
     values = "-var amplitude 0.1 -var timestep 0.025" if problem.wave else "-var timestep 0.01"
     return [
         f"# {title(problem)}",
-        f"# Runs in this folder:  lmp -in in.{scene.name}; with other values:  lmp -in in.{scene.name} {values}",
+        f"# Run in this folder:  lmp -in in.{scene.name}; with other values:  lmp -in in.{scene.name} {values}",
         *(["# Needs LAMMPS with the packages GRANULAR and BPM"] if scene.space == 3 else []),
     ]
 
@@ -44,7 +44,7 @@ def continues(problem: Problem, checkpoint: str) -> list[str]:
 
 
 def variables(problem: Problem) -> list[str]:
-    """Return the variables that may be overridden, and the clock of the run where its unit of time is 1."""
+    """Return the variables that may be overridden, and the clock if the unit of time is 1."""
     time, name, wave = problem.scene.time, problem.scene.name, problem.scene.wave
     tau, dump = ("t0", SNAPSHOTS) if wave is None else ("tau", DUMP)
     values = [
@@ -56,7 +56,7 @@ def variables(problem: Problem) -> list[str]:
     files = {"data": f"data.{name}", "dump": dump}
     width = 9 if wave else 8
     return [
-        "# --- variables: these, and no others, may be overridden with -var NAME VALUE",
+        "# --- variables: only these may be overridden, with -var NAME VALUE",
         *(f"variable {key:{width}} index {value!r}  # {words}" for key, value, words in values),
         *(_ramp(problem) if wave else []),
         *selection.lines("variables", problem),
@@ -84,7 +84,7 @@ def _snapshots(problem: Problem) -> list[str]:
 
 
 def _refusal() -> str:
-    """Return the line that ends a run with a variable that the deck has not."""
+    """Return the line that ends a run with a variable that the deck does not have."""
     tried = " || ".join(f"is_defined(variable,{name})" for name in NO_VARIABLES)
     names = " or ".join(NO_VARIABLES)
     said = f"ERROR: this deck has no variable {names}; build another deck"
@@ -92,7 +92,7 @@ def _refusal() -> str:
 
 
 def _said(problem: Problem) -> str:
-    """Return what a deck prints of its variables, so that the log of a run says what -var made of them."""
+    """Return the line that prints the variables, so that the log of a run holds their values after -var."""
     scene = problem.scene
     optional = {
         "friction": bool(selection.lines("variables", problem)),
@@ -104,12 +104,12 @@ def _said(problem: Problem) -> str:
 
 
 def said_variables(log: str) -> dict[str, str] | None:
-    """Return the variables of the run of a log, name → value; None if the log does not say them.
+    """Return the variables in the log of a run, name → value; None if the log has none.
 
     Raises
     ------
     RunFolderError
-        If it says a word that is not NAME=VALUE.
+        If a word among them is not NAME=VALUE.
     """
     lines = [line for line in log.splitlines() if line.startswith(_SAID)]
     if not lines:
@@ -124,7 +124,7 @@ def said_variables(log: str) -> dict[str, str] | None:
 
 
 def units(problem: Problem) -> list[str]:
-    """Return the lengths and times of the scene in the units of the deck, and the clock; [] where they are its own."""
+    """Return the lengths and times of the scene in units of the deck, and the clock; [] for a deck with own units."""
     of, scale = problem.units, problem.scene.scale
     if of.own:
         return []
@@ -140,7 +140,7 @@ def units(problem: Problem) -> list[str]:
 
 
 def clock(problem: Problem) -> list[str]:
-    """Return the variables of steps and time; t0 is 1 where the units are those of the scene."""
+    """Return the variables of steps and time; t0 is 1 if the deck has the units of the scene."""
     width, step, tau = 6, "$(v_sample/v_every*v_t0:%.17g)", "step*v_step/v_t0"
     if problem.units.own:
         width, step, tau = 8, "v_sample/v_every", "step*v_step"

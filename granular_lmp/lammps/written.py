@@ -1,6 +1,6 @@
-"""Dumps in LAMMPS's formats that LAMMPS did not write: of another engine that takes the steps of a deck.
+"""Dumps in the formats of LAMMPS, written by another engine that runs the steps of a deck.
 
-They are what the lines of `granular_lmp.lammps.recording` and `granular_lmp.lammps.monitors` ask LAMMPS for, so that
+They equal the dumps that `granular_lmp.lammps.recording` and `granular_lmp.lammps.monitors` request from LAMMPS, so
 readers need not know who wrote them.
 """
 
@@ -27,12 +27,12 @@ def renamed(problem: Problem, forces: str = "") -> list[str]:
 
 
 def columns(spheres: NDArray[np.int64], begun: Beginning, fields: Sequence[Floats], force: Floats | None) -> Columns:
-    """Return what dumps may hold of n spheres, by the names of their columns.
+    """Return the columns of dumps for n spheres, by name.
 
     Parameters
     ----------
     spheres : (n,) int array
-        Their indices.
+        Indices of the spheres.
     begun : Beginning
     fields : displacement, velocity, rotation, spin
         (n, d) each; rotation and spin are (n, 1) in the plane, in space rotation vectors.
@@ -56,7 +56,7 @@ def columns(spheres: NDArray[np.int64], begun: Beginning, fields: Sequence[Float
         angle = np.arctan2(np.sin(rotation[:, 0]), np.cos(rotation[:, 0]))
         return found | {"omegaz": spin[:, 0], "v_theta": angle, "theta": angle}
     half = np.linalg.norm(rotation, axis=1) / 2
-    turned = (rotation.T / 2 * np.sinc(half / np.pi)).tolist()  # the vector of the quaternion
+    turned = (rotation.T / 2 * np.sinc(half / np.pi)).tolist()  # vector part of the quaternion
     quaternion = dict(zip("WXYZ", [np.cos(half), *map(np.array, turned)], strict=True))
     found |= {f"Orientation.{part}": values for part, values in quaternion.items()}
     found |= {f"theta{axis}": 2 * np.arctan2(quaternion[axis.upper()], quaternion["W"]) for axis in "xyz"}
@@ -64,7 +64,7 @@ def columns(spheres: NDArray[np.int64], begun: Beginning, fields: Sequence[Float
 
 
 def text(step: int, begun: Beginning, names: Sequence[str], table: Sequence[NDArray[Any]], what: str = "ATOMS") -> str:
-    """Return a snapshot of a text dump, every number with all its digits."""
+    """Return a snapshot of a text dump, each number with all digits."""
     faces = " ".join(each * 2 for each in begun.boundary.split())
     head = ["ITEM: TIMESTEP", str(step), f"ITEM: NUMBER OF {what}", str(len(table[0])), f"ITEM: BOX BOUNDS {faces}"]
     head += [f"{low!r} {high!r}" for low, high in begun.box.tolist()]

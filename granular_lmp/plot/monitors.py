@@ -37,7 +37,7 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
     panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
     labels = _labels(monitor)
     for panel, (name, values) in zip(panels, drawn.items(), strict=True):
-        _draw(panel, times, values, labels)
+        draw_lines(panel, times, values, labels)
         panel.set(ylabel=symbols[name])
         panel.margins(x=0)
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
@@ -72,7 +72,7 @@ def _labels(monitor: MonitorRecord) -> list[str]:
     return [" – ".join(pair) for pair in zip(at(contacts.i), others, strict=True)]
 
 
-def _draw(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64], labels: list[str]) -> None:
+def draw_lines(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64], labels: list[str]) -> None:
     """Draw a line for each column of values (T, n), or the mean of many and what lies between them."""
     if len(labels) > MOST_LINES:
         axes.fill_between(times, np.nanmin(values, axis=1), np.nanmax(values, axis=1), color="0.85", linewidth=0)

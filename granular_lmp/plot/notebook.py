@@ -32,7 +32,7 @@ def html(thing: Any) -> str:
     Raises
     ------
     TypeError
-        For what is none of the five.
+        For an object of another kind.
     """
     raise TypeError(f"{type(thing).__name__}: a notebook has no picture of it")
 

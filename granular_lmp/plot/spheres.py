@@ -136,7 +136,7 @@ def round_below(value: float) -> float:
 
 
 def _scale_bar(axes: Axes, width: float, radius: float) -> None:
-    """Draw a bar of a round length above the right end of axes whose lengths are in radii of so many metres."""
+    """Draw a bar of a round length above the right end of axes whose lengths are in radii of this many metres."""
     length = round_below(_BAR * width * radius)
     bar = AnchoredSizeBar(
         axes.transData, length / radius, in_si(length, "m"), "lower right", pad=0.0, borderpad=0.3, sep=2,

@@ -1,5 +1,6 @@
 """Pictures and movies of an unnamed crystal: a chain at all times, other spheres at one moment or in a movie."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import DARKEST, LIGHTEST, SIDES, Side
+from granular_lmp.plot.monitors import MOST_LINES, draw_lines
 from granular_lmp.plot.motion import speeds_figure
 from granular_lmp.plot.movie import FRAMES_PER_SECOND, MOVIES, refuse_movie, write_movie
 from granular_lmp.plot.signals import PAGE, Picture, in_si, save
@@ -64,6 +66,37 @@ def draw_unnamed(
         return
     refuse_movie(path)
     write_movie(scene.figure, scene.show, len(crystal), path, scene.colours, fps or FRAMES_PER_SECOND, size)
+
+
+def contacts_figure(crystal: Unnamed, name: str) -> Picture:
+    """Return the figure of contacts over time, a panel for each quantity and a line for each contact.
+
+    Raises
+    ------
+    ViewError
+        For another name than "contacts".
+    """
+    if name != "contacts":
+        raise ViewError(f"monitor = {name!r}: an unnamed crystal has 'contacts' alone")
+    columns = crystal.contact_columns
+    (time, times), (_, one), (_, other), *quantities = columns.items()
+    moments, at = np.unique(times, return_inverse=True)
+    pairs, which = np.unique(np.stack([one, other], axis=1), axis=0, return_inverse=True)
+    drawn = [(each, values) for each, values in quantities if not re.search("_[xyz](_|$)", each)]
+    figure = Picture(figsize=(PAGE, 0.9 + 1.2 * len(drawn)), layout="constrained")
+    panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
+    for panel, (each, values) in zip(panels, drawn, strict=True):
+        table = np.full((len(moments), len(pairs)), np.nan if each.startswith("overlap") else 0.0)
+        table[at, which.ravel()] = values
+        draw_lines(panel, moments, table, [f"{i} – {j}" for i, j in pairs.tolist()])
+        said, _, unit = each.partition("_")
+        panel.set(ylabel=f"{said} ({unit})" if unit else said)
+        panel.margins(x=0)
+    panels[-1].set(xlabel=time.replace("_", " (") + ")" * ("_" in time))
+    if 1 < len(pairs) <= MOST_LINES:
+        panels[0].legend(ncols=2)
+    panels[0].set_title(f"{crystal.name}: contacts", fontsize="medium")
+    return figure
 
 
 def _over_time(crystal: Unnamed) -> Picture:

@@ -15,7 +15,7 @@ from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.page import page
 from granular_lmp.plot.signals import PAGE, Picture, named, save
-from granular_lmp.plot.unnamed import draw_unnamed
+from granular_lmp.plot.unnamed import contacts_figure, draw_unnamed
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
@@ -73,7 +73,7 @@ def view(
     column : str, optional
         Option for a sweep, as in `sweep_figure`.
     monitor : str, optional
-        Name of a monitor of a run, whose signals are drawn, as in `monitor_figure`.
+        Name of a monitor of a run, whose signals are drawn, as in `monitor_figure`; "contacts" of an unnamed crystal.
     at_rest : bool
         True for the crystal at rest, as in `at_rest_figure`.
     fps : float, optional
@@ -102,8 +102,12 @@ def view(
         save(at_rest_figure(Scene.load(folder)), path, size)
         return []
     if is_unnamed(folder):
-        unfit = {name: of_a_run[name] for name in ("rows", "fronts", "monitor")}
+        unfit = {name: of_a_run[name] for name in ("rows", "fronts")}
         _refuse(folder, "an unnamed crystal", unfit | {"column": column})
+        if monitor is not None:
+            _refuse(folder, "the picture of contacts", of_a_run | {"monitor": None})
+            save(contacts_figure(Unnamed.load(folder), monitor), path, size)
+            return []
         draw_unnamed(Unnamed.load(folder), path, tau=tau, colour=colour, magnify=magnify, side=side, fps=fps, size=size)
         return []
     if (folder / SWEEP).is_file():

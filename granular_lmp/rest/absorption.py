@@ -1,11 +1,11 @@
-"""The quiet ends of a scene: which waves reach them, and the layer that absorbs these.
+"""Quiet ends of a scene: which waves reach them, and the layer that absorbs these waves.
 
-Sources make waves of every mode, at their frequencies; a burst those of its main lobe too. Those along y are absorbed
-to the reflection that is wanted. Oblique waves are absorbed too; their reflection is not known.
+Sources make waves of every mode at their frequencies; a burst also at those of its main lobe. The layer absorbs waves
+along y down to the wanted reflection. It absorbs oblique waves too, but their reflection is not known.
 
-Rows, strength and power follow from the lattice, so that all runs of one scene have the same layer whatever their time
-step is. What it reflects is said for the step that runs, and "auto" takes as many rows as that step needs. With a
-tolerance it is said for step zero, to which the runs are extrapolated.
+Rows, strength and power follow from the lattice, so all runs of one scene have the same layer at any time step. The
+reported reflection is that of the step of the run, and "auto" takes as many rows as this step needs. With a tolerance
+it is that of step zero, to which the runs are extrapolated.
 """
 
 from collections.abc import Sequence
@@ -31,15 +31,18 @@ from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, usual_f
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-DEVIATIONS = 2.5  # standard deviations of a packet's spectrum: 1e-3 of its energy lies beyond, and is reflected more
-_LEAST = 0.05  # rad per row: longer waves than that are a hundred rows long
+DEVIATIONS = (
+    2.5  # standard deviations of a packet's spectrum: the 1e-3 of its energy that lies beyond is reflected more
+)
+_LEAST = 0.05  # rad per row: waves below this are longer than a hundred rows
 
 
 def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
-    """Return the waves along y that reach the ends: the wave, the edges of a packet's spectrum, and free L at 2Ω.
+    """Return the waves along y that reach the ends: the wave, edges of a packet's spectrum, and free L at 2Ω.
 
-    Of sources they are all modes of each frequency, and of the edges of a burst's spectrum. In a run with a `step` (τ)
-    a frequency is that of another wave of the lattice, 2 sin(Ωh/2)/h, while a packet has the wave numbers of its start.
+    For sources they are all modes at each frequency, and at the edges of the spectrum of a burst. In a run with a
+    `step` h (τ) a source at Ω makes the waves that the lattice has at 2 sin(Ωh/2)/h, while a packet keeps its initial
+    wave numbers.
 
     Raises
     ------
@@ -54,7 +57,7 @@ def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
     if scene.form.driven:
         usual = mode.frequency
         numbers = _numbers_at(scene, frequency_in_lattice(usual, step), mode.name) if step else ()
-        # At the edge of a band none may be left; the row shakes its neighbours nevertheless
+        # At the edge of a band no wave may be left, but the row shakes its neighbours nevertheless
         wavenumbers = {min(numbers, key=lambda xi: abs(xi - scene.wavenumber), default=scene.wavenumber)}
     else:
         wavenumbers = {scene.wavenumber}
@@ -77,8 +80,8 @@ def _waves_of_sources(scene: Scene, step: float) -> list[Mode]:
         waves = [wave for each in shaken for wave in _waves_at(scene, each)]
         if not waves:
             raise SceneError(
-                f"source {number}: frequency = {frequency:.6g} rad per t0: is that of no wave along y, so that nothing "
-                "reaches the quiet ends; must be in a band, or absorb.rows = 0",
+                f"source {number}: frequency = {frequency:.6g} rad per t0: no wave along y has it, so nothing reaches "
+                "the quiet ends; must be in a band, or absorb.rows = 0",
                 because="physics",
             )
         found |= {(wave.name, wave.wavenumber): wave for wave in waves}
@@ -86,7 +89,7 @@ def _waves_of_sources(scene: Scene, step: float) -> list[Mode]:
 
 
 def _waves_at(scene: Scene, frequency: float) -> list[Mode]:
-    """Return the waves along y of a frequency in rad/t0, none below those of a hundred rows."""
+    """Return the waves along y at a frequency in rad/t0, without waves longer than a hundred rows."""
     lattice, physics = unit_contacts(scene), physics_of(scene)
     return [
         bloch_mode(lattice, scene.sphere, scene.lattice.vector(max(xi, _LEAST)), name, physics)
@@ -96,7 +99,7 @@ def _waves_at(scene: Scene, frequency: float) -> list[Mode]:
 
 
 def _names(scene: Scene) -> tuple[str, ...]:
-    """Return the names of all waves along y; in space those of mirrors, as branches by number meet there."""
+    """Return the names of all waves along y; in space the names by mirror symmetry, as numbered branches meet there."""
     lattice, physics = unit_contacts(scene), physics_of(scene)
     if not physics.space:
         return restored(lattice, physics)
@@ -114,18 +117,18 @@ def _numbers_at(scene: Scene, frequency: float, name: str) -> tuple[float, ...]:
 
 
 def quiet_side(scene: Scene) -> str:
-    """Return the ends that absorb as LAMMPS writes the distance to them, "abs(y)", or "y" or "-y" for one of them."""
+    """Return the LAMMPS expression for the distance to the ends that absorb: "abs(y)", or "y" or "-y" for one end."""
     sides = {"last": "y", "first": "-y"}
     return sides[scene.absorbing[0]] if len(scene.absorbing) == 1 else "abs(y)"
 
 
 def quiet_end_of(scene: Scene) -> QuietEnd | None:
-    """Return the layer at each quiet end of a scene, with what it reflects at the scene's step; None without one.
+    """Return the layer at each quiet end, with its reflection at the step of the scene; None if no end is quiet.
 
     Raises
     ------
     SceneError
-        If the declared rows reflect more than is wanted, or do not fit between the centre and the end.
+        If the declared rows reflect too much, or do not fit between the centre and the end.
     """
     absorb, shape = scene.absorb, scene.shape
     if absorb.rows == 0:
@@ -137,8 +140,8 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
             end = _layer_of(scene, int(absorb.rows))
             if end.reflection > absorb.reflection:
                 raise SceneError(
-                    f"absorb.rows = {absorb.rows!r}: reflect {end.reflection:.2g} of the wave, and absorb.reflection = "
-                    f'{absorb.reflection!r} is wanted; must be at least {_enough(scene).rows}, or "auto"',
+                    f"absorb.rows = {absorb.rows!r}: reflect {end.reflection:.2g} of the wave, more than "
+                    f'absorb.reflection = {absorb.reflection!r}; must be at least {_enough(scene).rows}, or "auto"',
                     because="physics",
                 )
             end = _in_run(scene, end)
@@ -148,8 +151,8 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
     room = (shape.centre_row if side == "abs(y)" else shape.rows) - 3
     if end.rows > room:
         raise SceneError(
-            f"absorb.rows = {end.rows}: leave no room in packing.rows = {shape.rows}, which holds {room} at most; must "
-            "be fewer, which takes a larger absorb.reflection, or packing.rows must be more",
+            f"absorb.rows = {end.rows}: leave no room in packing.rows = {shape.rows}, which has room for {room}; use "
+            "fewer with a larger absorb.reflection, or more packing.rows",
             because="physics",
         )
     first, last = 0 if side == "y" else end.rows + 1, shape.rows - 1 - (0 if side == "-y" else end.rows + 1)
@@ -163,33 +166,35 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
 
 
 def remarks_on_ends(scene: Scene) -> list[str]:
-    """Return a sentence if the declared rows reflect more than is wanted because of the time step alone."""
+    """Return a sentence if the declared rows reflect too much only because of the time step."""
     end, wanted = quiet_end_of(scene), scene.absorb.reflection
     if end is None or end.reflection <= wanted:
         return []
     return [
         f"absorb.rows = {end.rows}: reflect {end.reflection:.3g} of the wave at time.timestep = "
-        f"{scene.time.timestep!r}, and absorb.reflection = {wanted!r} is wanted; take {_enough(scene).rows} rows, or a "
+        f"{scene.time.timestep!r}, more than absorb.reflection = {wanted!r}; use {_enough(scene).rows} rows, or a "
         "shorter step"
     ]
 
 
 def _enough(scene: Scene) -> QuietEnd:
-    """Return the layer with the fewest rows that reflects no more than is wanted, in the lattice and in the run."""
+    """Return the layer with the fewest rows that reflects little enough, in the lattice and in the run."""
     wanted = scene.absorb.reflection
     in_lattice = _layer_of(scene, None)
     while (end := _in_run(scene, in_lattice)).reflection > wanted or in_lattice.reflection > wanted:
         if end.rows >= MOST_ROWS:
-            raise ValueError(f"reflection = {wanted!r}: needs more than {MOST_ROWS} rows at this step; ask for more")
+            raise ValueError(
+                f"reflection = {wanted!r}: needs more than {MOST_ROWS} rows at this step; allow a larger reflection"
+            )
         in_lattice = _layer_of(scene, end.rows + 1)
     return end
 
 
 def _in_run(scene: Scene, end: QuietEnd) -> QuietEnd:
-    """Return a layer with what it reflects at the step of a scene; with a tolerance that is step zero."""
+    """Return a layer with its reflection at the step of the scene, or at step zero with a tolerance."""
     sphere, physics = scene.sphere, physics_of(scene)
     step = scene.time.clock.of_answer
-    if step * highest_frequency(unit_contacts(scene), sphere, physics) >= 2:  # such a step is refused
+    if step * highest_frequency(unit_contacts(scene), sphere, physics) >= 2:  # such a step is refused elsewhere
         return end
     return replace(
         end, reflection=_largest(unit_contacts(scene), sphere, tuple(waves_at_ends(scene, step)), end, physics, step)

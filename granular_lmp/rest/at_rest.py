@@ -1,6 +1,6 @@
-"""The crystal of a scene: its spheres at their places in the lattice, and at rest.
+"""Crystal of a scene: its spheres at their places in the lattice, and at rest.
 
-In a perfect lattice the two are the same. Otherwise `granular_lmp.crystal.disorder` makes the spheres, and
+In a perfect lattice these are the same. Otherwise `granular_lmp.crystal.disorder` makes the spheres, and
 `granular_lmp.crystal.equilibrium` brings them to rest.
 """
 
@@ -39,16 +39,16 @@ class CrystalAtRest:
     ----------
     atoms : ase.Atoms
         Positions and radii in radii R of the declared sphere, with the arrays of `granular_lmp.crystal.lattices` and
-        of `granular_lmp.crystal.disorder`. Masses are in units of that of the declared sphere. Spheres are of no
-        element; their tags are indices of `materials`.
+        of `granular_lmp.crystal.disorder`. Masses are in units of the mass of the declared sphere. Spheres have no
+        chemical element; their tags are indices of `materials`.
     materials : tuple of Sphere
-        By index of the array ``material``; the sphere of the lattice first.
+        Materials by index of the array ``material``; the sphere of the lattice first.
     contacts : Contacts
-        Contacts of all spheres; of a perfect lattice those of one sphere.
+        Contacts of all spheres; in a perfect lattice, of one sphere.
     equilibrium : Equilibrium, optional
-        The way to rest; None for a perfect lattice.
+        Record of the relaxation; None for a perfect lattice.
     of_one : bool
-        True if the contacts are those of one sphere, of which all are like.
+        True if the contacts are those of one sphere, which stands for all.
     """
 
     atoms: ase.Atoms
@@ -63,31 +63,31 @@ class CrystalAtRest:
         self.atoms.set_masses(arrays["radius"] ** 3 * arrays.get("density", density) / density)
 
     def remarks(self) -> list[str]:
-        """Return a sentence for spheres that were left out, touch no other at rest, or were pushed off their wall."""
+        """Return notes on spheres that are left out, touch no other at rest, or were pushed off their wall."""
         if self.equilibrium is None:
             return []
         isolated, rattlers = self.equilibrium.lattice.info["isolated"], self.equilibrium.rattlers
         lifted = self.equilibrium.lifted
         said = {
-            f"{isolated} spheres that vacancies leave without a neighbour are left out": isolated,
-            f"{rattlers} spheres touch no other at rest, and stay where they are until they are hit": rattlers,
-            f"{lifted} spheres were pushed off their wall as the crystal came to rest, and do not touch it": lifted,
+            f"{isolated} spheres are left out, because vacancies leave them without a neighbour": isolated,
+            f"{rattlers} spheres touch no other at rest, and do not move until they are hit": rattlers,
+            f"{lifted} spheres do not touch their wall, from which relaxation pushed them away": lifted,
         }
         return [words for words, count in said.items() if count]
 
 
 Floats = NDArray[np.float64]
 _MOST_KEPT = 2
-_BALANCED = 1e-6  # share of the load; rounding of the normals is far below it
-# Seconds of 1e4 spheres in the plane with s = 1, a fit to s from 0.2 to 4 and up to 1e5 spheres; and what is long
+_BALANCED = 1e-6  # share of the load; rounding of the normals is far smaller
+# Seconds for 1e4 spheres in the plane with s = 1, fitted for s from 0.2 to 4 and up to 1e5 spheres; and a long time
 _OF_WHOLE, _WORTH_A_WORD = 2.2, 20.0
 _KEPT: dict[tuple[Any, ...], CrystalAtRest] = {}
 
 
 def crystal_of(scene: Scene, progress: "Progress | None" = None) -> CrystalAtRest:
-    """Return the crystal of a scene at rest; `progress` is that of `granular_lmp.crystal.equilibrium.relax`.
+    """Return the crystal of a scene at rest; `granular_lmp.crystal.equilibrium.relax` describes `progress`.
 
-    The last two are kept, so that a scene whose time or wave changes is not brought to rest again.
+    The last two crystals are cached, so a scene whose time or wave changes is not relaxed again.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def crystal_of(scene: Scene, progress: "Progress | None" = None) -> CrystalAtRes
 
 
 def remarks_on_wait(scene: Scene) -> list[str]:
-    """Return a sentence that names the faster way where a crystal in the plane comes to rest slowly, else nothing."""
+    """Return a sentence that names the faster method if a crystal in the plane relaxes slowly, else nothing."""
     if scene.scale.of_impact or scene.space == 3 or scene.packing.relax_by != WHOLE:
         return []
     count, spread = scene.shape.spheres, scene.disorder.radius / scene.sphere.overlap_ratio
@@ -117,13 +117,13 @@ def remarks_on_wait(scene: Scene) -> list[str]:
     if seconds < _WORTH_A_WORD:
         return []
     return [
-        f"{count} spheres with disorder.radius = {scene.disorder.radius!r} take about {seconds:.0f} s to come to rest; "
+        f"{count} spheres with disorder.radius = {scene.disorder.radius!r} take about {seconds:.0f} s to relax; "
         f'packing.relax_by = "{AVALANCHES}" is three to five times as fast, and ends with other contacts, but as many'
     ]
 
 
 def law_at_rest(scene: Scene) -> AdhesionLaw:
-    """Return the law of the contacts at rest, of spheres and with walls: one in a perfect lattice, else of each."""
+    """Return the laws of all contacts at rest, also with walls: one in a perfect lattice, else one for each."""
     contacts, laws = contacts_of(scene), [scene.sphere.contact_law]
     which = np.zeros(len(contacts), dtype=int)
     if not scene.perfect:
@@ -137,12 +137,12 @@ def law_at_rest(scene: Scene) -> AdhesionLaw:
 
 
 def _faces(scene: Scene) -> list[Face]:
-    """Return the walls beside the lattice of a scene, each as deep in its outermost spheres as these are pushed out.
+    """Return the walls at the faces of a scene; each overlaps its outermost spheres until it balances their push.
 
     Raises
     ------
     CrystalError
-        If the load pushes spheres out of the lattice that no wall holds.
+        If the load pushes spheres out of the lattice where no wall holds them.
     """
     walls = list(_walls(scene))
     if not walls:
@@ -160,7 +160,7 @@ def _faces(scene: Scene) -> list[Face]:
 
 
 def _walls(scene: Scene) -> Iterator[tuple[Wall, Floats]]:
-    """Yield the walls of a crystal at rest, each with the unit vector out of the crystal."""
+    """Yield the walls of a crystal at rest, each with its outward unit vector."""
     x, y, z = np.eye(3)
     if scene.wall:
         yield from ((scene.wall, height * z) for height in scene.wall.heights)
@@ -171,7 +171,7 @@ def _walls(scene: Scene) -> Iterator[tuple[Wall, Floats]]:
 
 
 def _push(contacts: Contacts) -> Floats:
-    """Return the force on each sphere, N, (N, 3), by which its contacts with others push it at rest."""
+    """Return the force on each sphere from its contacts with other spheres at rest, N, (N, 3)."""
     force = contacts.contact_force[:, None] * contacts.normals
     total = np.zeros((len(contacts.mass), 3))
     np.subtract.at(total, contacts.i, force)
@@ -180,7 +180,7 @@ def _push(contacts: Contacts) -> Floats:
 
 
 def _require_balance(sphere: Sphere, force: Floats) -> None:
-    """Raise a CrystalError if contacts at rest leave a force on a sphere that is not held, beside rigid planes."""
+    """Raise CrystalError if, beside rigid planes, contacts at rest leave a force on a sphere that is not held."""
     load = sphere.contact_force
     if load and np.abs(force).max(initial=0.0) > _BALANCED * load:
         raise CrystalError(
@@ -190,7 +190,7 @@ def _require_balance(sphere: Sphere, force: Floats) -> None:
 
 
 def _touching(scene: Scene) -> CrystalAtRest:
-    """Return spheres that just touch, are parted by gaps, or are pressed together in a chain."""
+    """Return spheres that just touch, have gaps, or are pressed together in a chain."""
     from granular_lmp.crystal.touching import contacts_of_neighbours, touching  # kept out of start-up
 
     packing, shape = scene.packing, scene.shape
@@ -211,15 +211,15 @@ def _touching(scene: Scene) -> CrystalAtRest:
 
 
 def contacts_of(scene: Scene) -> Contacts:
-    """Return the contacts of the crystal of a scene at rest; of a perfect lattice those of one sphere."""
+    """Return the contacts of the crystal of a scene at rest; in a perfect lattice, of one sphere."""
     return unit_contacts(scene) if scene.perfect else crystal_of(scene).contacts
 
 
 def chain_cell(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return masses and stiffnesses of the cell of a chain at rest whose spheres differ, as `edges` takes it.
+    """Return masses and stiffnesses of the cell of a chain at rest with unequal spheres, for `edges`.
 
-    They are in units of the sphere of the lattice and its t0. None is returned for a sheet, a perfect chain, and one
-    whose spheres do not repeat in any order.
+    Units are the mass of the sphere of the lattice and its t0. Returns None for a sheet, for a perfect chain, and for a
+    chain whose spheres do not repeat in any order.
     """
     if scene.lattice != CHAIN or scene.perfect:
         return None
@@ -227,7 +227,7 @@ def chain_cell(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]] 
 
     contacts, sphere = contacts_of(scene), scene.sphere
     along = np.argsort(np.minimum(contacts.i, contacts.j), kind="stable")
-    beside = (np.abs(contacts.i - contacts.j) == 1) & ~contacts.on_wall  # not the contact across a periodic face
+    beside = (np.abs(contacts.i - contacts.j) == 1) & ~contacts.on_wall  # without the contact across a periodic face
     within = along[beside[along]]
     mass = contacts.mass / sphere.mass
     stiffness = contacts.normal_stiffness[within] * sphere.time_scale**2 / sphere.mass
@@ -236,10 +236,10 @@ def chain_cell(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]] 
 
 
 def swiftness(scene: Scene) -> float:
-    """Return a bound √(max k/k1 · m/min m) ≥ 1 of speeds and frequencies over those of the perfect lattice.
+    """Return a bound √(max k/k1 · m/min m) ≥ 1 on speeds and frequencies over those of the perfect lattice.
 
-    No wave is faster than in a lattice whose contacts are all as stiff as the stiffest and whose spheres are all as
-    light as the lightest; contacts with a wall carry none. Frequencies of the rotational branch are left out.
+    No wave is faster than in a lattice where all contacts are as stiff as the stiffest and all spheres as light as the
+    lightest; contacts with a wall carry no wave. The bound ignores the rotational branch.
     """
     sphere, contacts = scene.sphere, contacts_of(scene)
     stiffest = (
@@ -249,7 +249,7 @@ def swiftness(scene: Scene) -> float:
 
 
 def echo_at(scene: Scene, monitor: Monitor) -> float:
-    """Return the time τ at which the echo of the faces may reach a monitor; infinite if there is none."""
+    """Return the time τ at which the echo of the faces may reach a monitor; infinite if there is no echo."""
     return scene.echo_at(monitor.span, monitor.breadth(scene.shape.columns)) / swiftness(scene)
 
 
@@ -261,7 +261,7 @@ def places(scene: Scene) -> ase.Atoms:
 def table_of(scene: Scene) -> SphereTable:
     """Return the densities and radii of all spheres of a scene, and the factors of stiffness of its table.
 
-    Moduli, adhesion, vacancies, pairs and a spread of stiffnesses are not of a table.
+    A table has no moduli, adhesion, vacancies, pairs or spread of stiffnesses.
     """
     atoms = places(scene) if scene.held_at_rest else crystal_of(scene).atoms
     count, table = scene.shape.spheres, scene.packing.table
@@ -272,7 +272,7 @@ def table_of(scene: Scene) -> SphereTable:
 
 
 def sphere_count(scene: Scene) -> int:
-    """Return the number of spheres of a scene; vacancies are none."""
+    """Return the number of spheres of a scene without vacancies."""
     return scene.shape.spheres if scene.perfect else len(places(scene))
 
 
@@ -281,7 +281,7 @@ def _made(scene: Scene) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
     return _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion, scene.pair, scene.packing.table)
 
 
-@lru_cache(maxsize=2)  # the number of spheres is asked for before they come to rest
+@lru_cache(maxsize=2)  # the number of spheres is needed before they come to rest
 def _imperfect(
     sphere: Sphere,
     shape: Shape,
@@ -315,19 +315,19 @@ def _relaxed(scene: Scene, progress: "Progress | None") -> CrystalAtRest:
         progress=progress,
     )
     if rest.contacts.on_wall.all():
-        raise CrystalError("no two spheres touch at rest: all are too small for their places in the lattice")
+        raise CrystalError("no two spheres touch at rest: all spheres are too small for their places in the lattice")
     if shape.lattice == CHAIN:
         _require_whole(rest, shape)
     return CrystalAtRest(rest.crystal, materials, rest.contacts, rest)
 
 
 def _require_whole(rest: "Equilibrium", shape: Shape) -> None:
-    """Raise a CrystalError if spheres of a chain that are next to each other do not touch at rest."""
+    """Raise CrystalError if neighbours in a chain do not touch at rest."""
     row = rest.lattice.arrays["row"]
     neighbours = int(np.count_nonzero(np.diff(row) == 1))
     neighbours += shape.along_y and row[0] == 0 and row[-1] == shape.rows - 1
     if (parted := neighbours - int(np.count_nonzero(~rest.contacts.on_wall))) > 0:
         raise CrystalError(
-            f"the chain at rest is parted at {parted} of {neighbours} contacts: spheres that are too small for their "
-            "places in the lattice do not reach their neighbours; let radii differ less"
+            f"the chain at rest is open at {parted} of {neighbours} contacts, where spheres are too small to reach "
+            "their neighbours; let radii differ less"
         )

@@ -1,4 +1,4 @@
-"""Properties that follow from the tables of a scene: spheres at rest, units, shape, wave vector, words, echo times."""
+"""Properties derived from the tables of a scene: spheres at rest, units, shape, wave vector, words, echo times."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,25 +29,25 @@ from granular_lmp.scene.strikers import stretch
 from granular_lmp.scene.without_wave import holds
 from granular_lmp.units import AnyUnits, OwnUnits, units_for
 
-DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
+DEVIATIONS = 10.0  # standard deviations of an envelope that fit into an "auto" packing, which cuts it off below 4e-6
 
 
 class Derived(Declaration):
-    """The values of a scene that are not declared (`granular_lmp.rest.scene.Scene`)."""
+    """Values of a scene that are not declared (`granular_lmp.rest.scene.Scene`)."""
 
     @cached_property
     def sphere(self) -> Sphere:
-        """The spheres of the lattice at rest: pressed together, adhesive or not, with stiffnesses as measured."""
+        """Sphere of the lattice at rest, with its contact force, adhesion and measured stiffnesses."""
         material = self.material.unloaded if self.start.touching and self.wave is None else self.material
         adhesion = 0.0 if self.effects.adhesion is False else material.work_of_adhesion
         sphere = replace(material, work_of_adhesion=adhesion, contact_force=self.packing.contact_force)
-        if not sphere.static_overlap:  # the check of the sphere says what presses no contact
+        if not sphere.static_overlap:  # the check of the sphere reports the value with which nothing presses a contact
             return sphere
         return replace(sphere, factors=measured_factors(self.contact, sphere.contact_law, sphere.contact_force))
 
     @cached_property
     def scale(self) -> Scale:
-        """Units of the scene: m, Δ0 and t0 of spheres that are held at rest, else those of the impact."""
+        """Units of the scene: m, Δ0 and t0 of spheres held at rest, else the units of the impact."""
         return self.holding.scale(self)
 
     @cached_property
@@ -57,22 +57,22 @@ class Derived(Declaration):
 
     @cached_property
     def wall(self) -> Wall | None:
-        """Law of the contacts with the substrate, None without one."""
+        """Law of the contacts with the substrate; None without a substrate."""
         return wall_of(self.material, self.substrate, self.effects)
 
     @cached_property
     def rigid(self) -> Wall | None:
-        """Law of the contacts with rigid planes at the faces of a crystal at rest, None without any."""
+        """Law of the contacts with rigid planes at the faces of a crystal at rest; None without planes."""
         return self.holding.rigid(self) if WALL in self.shape.faces.values() else None
 
     @property
     def physics(self) -> Physics:
-        """Degrees of freedom of the lattice; those that are still "auto" are there."""
+        """Degrees of freedom of the lattice; any that is still "auto" counts as present."""
         return replace(self.effects.physics, space=self.space == 3)
 
     @property
     def quiet(self) -> tuple[str, ...]:
-        """Ends in front of which rows absorb, "first" and "last": those that are declared so, or all held ones."""
+        """Ends before which rows absorb, "first" and "last": the ends declared as quiet, or all held ends."""
         if self.absorb.rows == 0:
             return ()
         faces = {name: getattr(self.packing, name) for name in ENDS_OF_Y}
@@ -81,7 +81,7 @@ class Derived(Declaration):
 
     @property
     def absorbing(self) -> tuple[str, ...]:
-        """Quiet ends that absorb: those that are no source of waves themselves."""
+        """Quiet ends that absorb: all that are not a source of waves themselves."""
         ends = {"first": 0, "last": self.shape.rows - 1}
         driven = ("first",) if self.form.driven else ()
         moved = {name for name, row in ends.items() if any(each.is_in_row(row) for each in self.source)}
@@ -89,7 +89,7 @@ class Derived(Declaration):
 
     @cached_property
     def holding(self) -> Holding:
-        """Return adhesion or a load, or nothing, as that by which spheres rest."""
+        """Return what holds the spheres at rest: adhesion or a load, or nothing."""
         sheet = lattice_of(self.packing, self.substrate).sheet
         adhesion, force, touching = self.material.work_of_adhesion, self.packing.contact_force, self.start.touching
         held = self.wave is not None or holds(adhesion, force, sheet=sheet, touching=touching)
@@ -97,18 +97,18 @@ class Derived(Declaration):
 
     @property
     def held_at_rest(self) -> bool:
-        """True if adhesion or a load holds the spheres at rest, as beside every wave."""
+        """True if adhesion or a load holds the spheres at rest, as in every scene with a wave."""
         return isinstance(self.holding, HeldAtRest)
 
     @property
     def units(self) -> AnyUnits:
-        """Units of the deck: those of an impact, else a metric style."""
+        """Units of the deck: the units of an impact, else a metric style of LAMMPS."""
         scale, radius = self.scale, self.material.radius
         return OwnUnits(scale.mass, radius, scale.time) if scale.of_impact else units_for(radius)
 
     @property
     def displacement_amplitude(self) -> float:
-        """D0 = a Δ0, m: the amplitude of the wave's displacement; without a wave the unit of displacements itself."""
+        """D0 = a Δ0, m: displacement amplitude of the wave; without a wave, the unit of displacement."""
         return self.amplitude * self.scale.length
 
     @property
@@ -133,7 +133,7 @@ class Derived(Declaration):
         Raises
         ------
         SceneError
-            If the scene has none; `why` ends the sentence.
+            If the scene has no wave; `why` ends the sentence.
         """
         if self.wave is None:
             raise SceneError(f"wave: missing table; this scene has sources, strikers or a [start] alone, {why}")
@@ -141,7 +141,7 @@ class Derived(Declaration):
 
     @cached_property
     def form(self) -> Form:
-        """Form of the wave; "none" without a wave too."""
+        """Form of the wave; also "none" without a wave."""
         return NO_WAVE if self.wave is None else self.wave.known
 
     @cached_property
@@ -153,8 +153,8 @@ class Derived(Declaration):
     def wave_lattice(self) -> Lattice:
         """Lattice in whose mode the wave starts.
 
-        It is that without inclusions, but for the number of a branch in a lattice whose waves are L, TR and RT: rows
-        then differ in a pattern.
+        It is the lattice without inclusions. Only if the mode is the number of a branch, in a lattice whose waves are
+        L, TR and RT, do its rows differ in a pattern.
         """
         wave, lattice = self.wave, self.lattice
         if wave is None or not (wave.mode.isdecimal() and self.inclusion) or lattice.cell_size > 1 or self.space == 3:
@@ -163,7 +163,7 @@ class Derived(Declaration):
 
     @cached_property
     def wavenumbers(self) -> tuple[float, ...]:
-        """Wave numbers at which the mode has the declared frequency, ascending, rad per row; () without one."""
+        """Wave numbers at which the mode has the declared frequency, ascending, rad per row; () if none is declared."""
         wave = self.wave
         if wave is None or wave.frequency is None:
             return ()
@@ -198,11 +198,11 @@ class Derived(Declaration):
 
     @property
     def _room(self) -> Room:
-        """Room for the envelope: with its offset between walls, with the distance it travels in a periodic cell."""
+        """Room for the envelope, including its offset between walls, or its travelled distance in a periodic cell."""
         envelope, (x, y) = self.envelope, self.declared_vector.unit
         rows, columns = (DEVIATIONS * deviation for deviation in envelope.spread(self.declared_vector))
         way = self.lattice.fastest * self.time.duration if envelope.length else 0.0
-        way *= max(1, self.form.halves)  # two halves run apart and must not meet again
+        way *= max(1, self.form.halves)  # the two halves separate and must not meet again
         return Room(
             strip=rows + 2 * abs(envelope.offset),
             rows=rows + way * abs(y),
@@ -212,9 +212,9 @@ class Derived(Declaration):
 
     @cached_property
     def vector(self) -> WaveVector:
-        """Wave vector that is used: the nearest one of the cell along the axes on which it is periodic.
+        """Wave vector of the run: along periodic axes the nearest one that fits the cell.
 
-        That of a crystal at rest is as declared, as no wave has to fit the cell.
+        In a crystal at rest it is the declared one, as no wave has to fit the cell.
         """
         if not self.form.waves:
             return self.declared_vector
@@ -225,17 +225,17 @@ class Derived(Declaration):
 
     @property
     def wavenumber(self) -> float:
-        """Wave number ξ that is used, rad per row."""
+        """Wave number ξ of the run, rad per row."""
         return self.vector.wavenumber
 
     @property
     def direction(self) -> float:
-        """Direction that is used, degrees from x towards y."""
+        """Direction of the wave in the run, degrees from x towards y."""
         return self.vector.direction
 
     @property
     def used(self) -> dict[str, Any]:
-        """Values that run in place of declared ones, which a periodic cell or a sample rounds, by dotted key."""
+        """Values that replace declared ones because a periodic cell or a sample rounds them, by dotted key."""
         if self.wave is None:
             return remarks.used_step(self.time)
         hertz = partial(
@@ -251,15 +251,15 @@ class Derived(Declaration):
 
     @property
     def perfect(self) -> bool:
-        """True if all spheres are equal and all are there: every contact at rest is that of the infinite lattice.
+        """True if all spheres are equal and none is missing: each contact at rest is that of the infinite lattice.
 
-        Spheres at a face have fewer of them; those that touch a rigid plane there have another one.
+        Spheres at a face have fewer contacts, and spheres at a rigid plane have another one with it.
         """
         return not self.inclusion and not self._differ and self.rigid is None
 
     @property
     def _differ(self) -> bool:
-        """True if spheres differ one by one, as drawn or by a table."""
+        """True if spheres differ one by one, at random or by a table."""
         disorder = self.disorder
         return any(
             (self.packing.table, disorder.radius, disorder.density, disorder.vacancies, disorder.stiffness),
@@ -272,9 +272,9 @@ class Derived(Declaration):
 
     @property
     def layered(self) -> bool:
-        """True if the spheres of a row are equal and none is at a side: a plane wave along y moves them alike.
+        """True if all spheres of a row are equal and none is at a side, so a plane wave along y moves them alike.
 
-        In a film they are those of each layer; without faces along z a row has those of all layers.
+        In a film this holds for each layer; without faces along z a row includes all layers.
         """
         layers_alike = not (self.shape.along_z and any(each.layers for each in self.inclusion))
         alike = not self._differ and all(each.whole_rows for each in self.inclusion) and layers_alike
@@ -287,7 +287,7 @@ class Derived(Declaration):
 
     @property
     def label(self) -> str:
-        """Shortest name of the scene, for a repr: "TR xi=0.802 a=0.2"; without a wave `words`."""
+        """Short name of the scene, for its repr: "TR xi=0.802 a=0.2"; without a wave `words`."""
         if self.wave is None:
             return self.words
         along = "" if self.along == "y" else f" along {self.along}"
@@ -295,27 +295,27 @@ class Derived(Declaration):
 
     @cached_property
     def struck(self) -> bool:
-        """True if strikers or a state move spheres at the beginning, beside the wave."""
+        """True if strikers or a state move spheres at the beginning, apart from the wave."""
         return bool(self.striker or self.start.moves)
 
     @property
     def strike(self) -> float:
-        """Bound of the stretch and slip that strikers and a state make, Δ0 (`granular_lmp.scene.strikers.stretch`)."""
+        """Bound on stretch and slip due to strikers and a state, Δ0 (`granular_lmp.scene.strikers.stretch`)."""
         return stretch(self.striker, self.start, self.sphere) if self.struck else 0.0
 
     @property
     def _moved(self) -> float:
-        """Bound of the stretch and slip that strikers, a state and sources make, Δ0."""
+        """Bound on stretch and slip due to strikers, a state and sources, Δ0."""
         return self.strike + max((each.largest for each in self.drives), default=0.0) * self.amplitude
 
     @property
     def _shaken(self) -> str:
-        """Count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
+        """Words for the number of sources and strikers, to stand before the wave; "" if there are none."""
         return words.shaken(self.source, self.striker, self.start, self.wave)
 
     @property
     def words(self) -> str:
-        """The scene in words, for titles: size and strikers, or its wave.
+        """Title of the scene: size and strikers, or its wave.
 
         "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"
         """
@@ -328,7 +328,7 @@ class Derived(Declaration):
         return words.of_strikes(self.shape, held, self.striker, self.start, self.source)
 
     def remarks(self) -> list[str]:
-        """Return a sentence for each change that made the scene fit, on disorder, and if another law is nearer."""
+        """Return sentences on changes that made the scene fit, on disorder, and on a more suitable adhesion law."""
         physics = remarks.on_law(self.material, self.effects)
         physics += remarks.on_disorder(self.disorder, self.sphere, self.packing, self.wave)
         if self.wave is None:
@@ -341,14 +341,14 @@ class Derived(Declaration):
 
     @property
     def echo_time(self) -> float:
-        """Time τ at which the echo of the faces reaches the centre sphere; infinite if there is none."""
+        """Time τ at which the echo of the faces reaches the centre sphere; infinite if there is no echo."""
         row, column = self.shape.centre_row, self.shape.columns // 2
         return self.echo_at((row, row), (column, column))
 
     def echo_at(self, rows: Sequence[int], columns: Sequence[int]) -> float:
         """Return the time τ at which the echo of the faces reaches a block of spheres in a perfect lattice.
 
-        `rows` and `columns` are those of the block, (first, last).
+        `rows` and `columns` of the block are (first, last).
         """
         pushed = (*self.source, *self.striker, *self.start.at())
         return echo_at((rows, columns), pushed, self.shape, form=self.form, quiet=self.quiet)

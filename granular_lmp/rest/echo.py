@@ -1,4 +1,4 @@
-"""The time at which an echo of the faces reaches some spheres, by the shortest way that waves have."""
+"""Time at which an echo of the faces reaches some spheres, by the shortest path of waves."""
 
 from collections.abc import Collection, Iterator, Sequence
 from math import hypot, inf
@@ -17,11 +17,11 @@ def echo_at(
     form: Form,
     quiet: Collection[str],
 ) -> float:
-    """Return the time τ at which an echo of the faces may reach a block, by the shortest way and `arrival_time`.
+    """Return the time τ at which an echo of the faces may reach a block: `arrival_time` of the shortest path.
 
-    A wave that fills the crystal is disturbed by the faces from τ = 0 on. Waves of sources, of strikers and of a driven
-    row run to a face and from there to the block. Those that begin at a face are not sent back by it. `quiet` ends send
-    back no waves, but an end that a source moves is not quiet, and sends back those of other spheres.
+    The faces disturb a wave that fills the crystal from τ = 0 on. Waves of sources, strikers and a driven row run to a
+    face and from there to the block. A face does not reflect waves that begin at it. `quiet` ends reflect no waves; but
+    an end that a source moves is not quiet, and reflects the waves of other spheres.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def echo_at(
     Returns
     -------
     float
-        Infinite if no echo comes.
+        Infinite if there is no echo.
     """
     ways: list[float] = [*_from_sides(*block, pushed, shape, form)]
     if not shape.along_y:
@@ -48,9 +48,9 @@ def echo_at(
 def _from_ends(
     rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: Form, quiet: Collection[str]
 ) -> list[int]:
-    """Return the ways of waves to rows by an end, in rows."""
+    """Return the lengths of the paths of waves to some rows by way of an end, in rows."""
     end = shape.rows - 1
-    beyond = {0: rows[0], end: end - rows[1]}  # rows from an end to these
+    beyond = {0: rows[0], end: end - rows[1]}  # rows from an end to the block
     of_wave = beyond if form.fills else {end: end + beyond[end]} if form.driven else {}
     still = {wall for wall, name in ((0, "first"), (end, "last")) if name in quiet}
     return [way for wall, way in of_wave.items() if wall not in still] + [
@@ -58,7 +58,7 @@ def _from_ends(
         for wall in beyond
         if wall not in still or any(each.is_in_row(wall) for each in pushed)
         for each in pushed
-        if not (each.rows and each.is_in_row(wall))  # these rows reach from the end to where their waves begin
+        if not (each.rows and each.is_in_row(wall))  # rows from the end to the place where the waves begin
         for row in each.rows_of()
         if row != wall
     ]
@@ -67,7 +67,7 @@ def _from_ends(
 def _from_sides(
     rows: Sequence[int], columns: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: Form
 ) -> Iterator[float]:
-    """Yield the ways of waves to a block by a side, in rows; whole rows reach from side to side."""
+    """Yield the lengths of the paths of waves to a block by way of a side, in rows; whole rows reach both sides."""
     if "sides" not in shape.faces:
         return
     side, column_width = shape.columns - 1, 1 / shape.lattice.row_spacing

@@ -1,7 +1,7 @@
-"""Derived values of the spheres at rest: the common interface of crystals held there and of spheres that meet.
+"""Derived values of the spheres at rest: the common interface of crystals held at rest and of spheres that meet.
 
-A scene is asked once which of both it is (`granular_lmp.rest.kinds.rest_of`). Whatever comes later takes a value from
-here: all are in the units of the scene, m, its length and t0 (`granular_lmp.crystal.scale`).
+`granular_lmp.rest.kinds.rest_of` decides once which of the two a scene is; all later code reads its values here. They
+are in the units of the scene: m, its length and t0 (`granular_lmp.crystal.scale`).
 """
 
 from abc import ABC, abstractmethod
@@ -32,12 +32,12 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Rest(ABC):
-    """The spheres of a scene at rest.
+    """Spheres of a scene at rest.
 
     Attributes
     ----------
     scene : Scene
-        With every "auto" decided.
+        Scene with every "auto" decided.
     turns : bool
         True if spheres turn.
     wave : BlochWave, optional
@@ -48,12 +48,12 @@ class Rest(ABC):
     turns: bool = True
     wave: BlochWave | None = None
 
-    # --- what each kind says by itself ---
+    # --- values that each kind defines ---
 
     @property
     @abstractmethod
     def planes(self) -> dict[str, float]:
-        """Rigid walls, "ylo" → place, radii; those of a substrate are "zlo" and "zhi"."""
+        """Rigid walls, "ylo" → place in radii; the substrates are "zlo" and "zhi"."""
 
     @property
     @abstractmethod
@@ -63,47 +63,47 @@ class Rest(ABC):
     @property
     @abstractmethod
     def follows(self) -> str:
-        """Axes, "x" and "y", along which the box follows spheres at its faces."""
+        """Axes "x" and "y" along which the box grows with the spheres at its faces."""
 
     @property
     @abstractmethod
     def outermost(self) -> tuple[float, float]:
-        """Lowest and highest place along y that the box must hold beside its cell, radii."""
+        """Lowest and highest place along y that the box must contain in addition to its cell, radii."""
 
     @property
     @abstractmethod
     def shortest_collision(self) -> float:
-        """Shortest time in which two neighbours part again that meet, or half a period of their vibration, t0."""
+        """Shortest collision of two neighbours, or half a period of their vibration, t0."""
 
     @property
     @abstractmethod
     def steps_between_looks(self) -> int:
-        """Steps between two looks of the guards, which are the lines of the thermo table."""
+        """Steps between two checks of the guards, which are the lines of the thermo table."""
 
     @property
     @abstractmethod
     def density(self) -> Floats:
-        """Density of each sphere, (N,), in m/ℓ³ of the deck's own units where it has such, else in kg/m³."""
+        """Density of each sphere, (N,), in m/ℓ³ if the deck has units of its own, else in kg/m³."""
 
     @property
     @abstractmethod
     def closed(self) -> NDArray[np.bool_]:
-        """True for the contacts that are closed, (C,)."""
+        """True for each closed contact, (C,)."""
 
     @property
     @abstractmethod
     def pressed(self) -> dict[str, float]:
-        """Force that presses a chain of spheres that meet together, its ratio to that of the impact, and sound."""
+        """Force of a compressed chain, its ratio to the force of the impact, and the speed of sound."""
 
     @property
     @abstractmethod
     def steps_to_collision(self) -> float | None:
-        """Steps in the shortest collision; None where spheres do not meet."""
+        """Steps in the shortest collision; None if spheres do not meet."""
 
     @property
     @abstractmethod
     def entries(self) -> dict[str, Any]:
-        """Entries of ``run.json`` about the spheres at rest and the units."""
+        """Entries in ``run.json`` on the spheres at rest and the units."""
 
     @property
     def cell(self) -> tuple[Floats, Floats]:
@@ -118,13 +118,13 @@ class Rest(ABC):
 
     @abstractmethod
     def step_rules(self, enough: float = inf) -> list[StepRule]:
-        """Return the rules for the time step; a limit above `enough` may be given too short, but above it."""
+        """Return the rules for the time step; a limit above `enough` may be underestimated, but not below `enough`."""
 
     @abstractmethod
     def refuse(self) -> None:
-        """Raise a SceneError if the spheres at rest are not what the scene needs."""
+        """Raise SceneError if the spheres at rest do not fit the scene."""
 
-    # --- what all have ---
+    # --- values common to both kinds ---
 
     @cached_property
     def crystal(self) -> CrystalAtRest:
@@ -143,12 +143,12 @@ class Rest(ABC):
 
     @property
     def contacts(self) -> Contacts:
-        """Contacts at rest: of all spheres, or of one sphere of a perfect lattice."""
+        """Contacts at rest: of all spheres, or of one sphere in a perfect lattice."""
         return self.crystal.contacts
 
     @property
     def frequency(self) -> float:
-        """Ω of the wave, rad/t0; 0 without a wave, where sources have frequencies of their own."""
+        """Ω of the wave, rad/t0; 0 without a wave, as sources then have their own frequencies."""
         return 0.0 if self.wave is None else self.wave.mode.frequency
 
     @property
@@ -163,14 +163,14 @@ class Rest(ABC):
 
     @cached_property
     def state(self) -> Floats:
-        """Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 9); without the strikers."""
+        """Displacements (m), velocities (m/s) and spins (rad/s) from ``[start]``, (N, 9), without strikers."""
         scene = self.scene
         turns, space = self.turns, scene.space
         return state_in(scene.start, self.atoms, scene.sphere.radius, self.strikers, turns=turns, space=space)
 
     @cached_property
     def recorded(self) -> Integers:
-        """Indices of the spheres that are always recorded: the centre one, and without a wave those of ``[output]``."""
+        """Indices of the spheres that are always recorded: the centre sphere and, without a wave, ``[output]``."""
         output = self.scene.output
         if self.scene.wave is not None:
             return np.array([centre(self.atoms)])
@@ -194,7 +194,7 @@ class Rest(ABC):
         return np.asarray(law.normal_coefficient / self.scene.sphere.normal_coefficient)
 
     def kinetic_energy(self, velocity: Floats, spin: Floats, spheres: Integers) -> Floats:
-        """Return ½mv² + ½(I/mR²)m(Rω)² of n spheres, in m v², of velocities (…, n, 2 or 3), in v, and R ω/v."""
+        """Return ½mv² + ½(I/mR²)m(Rω)² of n spheres, in m v², from velocities (…, n, 2 or 3), in v, and R ω/v."""
         turning = spin**2 if spin.ndim < velocity.ndim else np.sum(spin**2, axis=-1)
         surface = self.atoms.arrays["radius"][spheres] ** 2 * turning
         return np.asarray(self.mass[spheres] * (np.sum(velocity**2, axis=-1) + INERTIA_RATIO * surface) / 2)
@@ -224,14 +224,14 @@ class Rest(ABC):
         return np.asarray(1.5 * self.coefficients * np.sqrt(self.rest_overlap))
 
     def on_wall(self, sphere: int) -> float:
-        """Coefficient of the contact of a sphere with a rigid wall, in A: (4/3) E* √R, twice the E* of two spheres."""
+        """Return the coefficient of a contact with a rigid wall, in A: (4/3) E* √R, twice the E* of two spheres."""
         material, ball = self.materials[int(self.atoms.arrays["material"][sphere])], self.scene.sphere
         radius = float(self.atoms.arrays["radius"][sphere])
         return sqrt(8 * radius) * material.effective_modulus / ball.effective_modulus
 
     @cached_property
     def on_walls(self) -> dict[int, tuple[float, float]]:
-        """Coefficient (A) and overlap at rest of the first (0) and the last (−1) sphere of a chain with a wall."""
+        """Return coefficient (A) and overlap at rest of a wall with the first (0) and last (−1) sphere of a chain."""
         if self.scene.lattice != CHAIN:
             return {}
         y, radius = self.atoms.positions[:, 1], self.atoms.arrays["radius"]
@@ -244,7 +244,7 @@ class Rest(ABC):
 
     @cached_property
     def square_rate(self) -> float:
-        """ω² of the stiffest contact at an overlap of the unit of length, 1/t0²: k (1/m + 1/m), k = (3/2) A √ℓ."""
+        """ω² of the stiffest contact at an overlap ℓ, 1/t0²: k (1/m + 1/m), k = (3/2) A √ℓ."""
         lightest, largest = float(self.mass.min()), float(self.atoms.arrays["radius"].max())
         square = 3 * float(self.coefficients.max(initial=1.0)) / lightest
         own = [each.effective_modulus / self.scene.sphere.effective_modulus for each in self.materials]

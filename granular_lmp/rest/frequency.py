@@ -1,8 +1,8 @@
-"""Other ways to declare the wave number of a scene: a wave vector, or the frequency of the wave in hertz.
+"""Wave number of a scene from a wave vector, or from the frequency of the wave in hertz.
 
-A frequency is turned into wave numbers by the Bloch modes of the lattice, in the mode and along the direction of the
-wave. The branch is sampled over the zone, each of its extrema is refined, and between two neighbouring points of the
-result, where it is monotonic, a sign change of Ω(ξ) − Ω is enclosed.
+The Bloch modes of the lattice turn a frequency into wave numbers, for the mode and direction of the wave. The branch is
+sampled over the zone and each extremum is refined, so the branch is monotonic between neighbouring points. There each
+sign change of Ω(ξ) − Ω is enclosed.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,11 +24,11 @@ from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.signals import SIGNALS
 from granular_lmp.scene.sources import Source
 
-_POINTS = 60  # points on a branch: its extrema lie much farther apart than a sixtieth of the zone
+_POINTS = 60  # points on a branch; its extrema are much farther apart than a sixtieth of the zone
 _LOWEST = 1e-9  # rad per row, the smallest wave number of a scene
 _HALVINGS = 54  # as many as a double has digits
-_THIRDS = 45  # to 1e-8 of a peak's width, where its height is rounding
-_SAME = 1e-9  # relative: a zero found is closer by far, and a jump between branches is far larger
+_THIRDS = 45  # to 1e-8 of the width of a peak, where differences in height are rounding
+_SAME = 1e-9  # relative: a zero is found far closer than this, and a jump between branches is far larger
 
 
 @lru_cache(maxsize=32)
@@ -47,7 +47,7 @@ def wavenumbers_at(
     ----------
     hertz : float
     sphere : Sphere
-        Of the lattice at rest.
+        Sphere of the lattice at rest.
     physics : Physics
     mode : str
         "L", "TR" or "RT".
@@ -55,13 +55,13 @@ def wavenumbers_at(
         Direction of the wave, from x towards y.
     kind : Lattice
     wall : Wall, optional
-        On which the crystal lies.
+        Wall on which the crystal lies.
 
     Raises
     ------
     SceneError
-        For a frequency outside the band of the mode in that direction; the text names the band. Also for one that
-        lies between two branches that bear the name of the mode.
+        If the frequency lies outside the band of the mode in this direction (the text names the band), or between two
+        branches that have the name of the mode.
     """
 
     def above(wavenumber: float) -> float:
@@ -78,12 +78,12 @@ def wavenumbers_at(
     found = {at for at, height in zip(grid, heights, strict=True) if height == 0}
     ends = pairwise(zip(grid, heights, strict=True))
     found |= {_zero(above, a, b) for (a, low), (b, high) in ends if low * high < 0}
-    # In an oblique direction a name may pass from branch to branch, where Ω(ξ) jumps over the frequency
+    # In an oblique direction a name may change from branch to branch, where Ω(ξ) jumps over the frequency
     there = sorted(each for each in found if abs(above(each)) <= _SAME * hertz)
     if not there:
         raise SceneError(
-            f"wave.frequency = {hertz!r}: no {mode} wave at {degrees:g} degrees from x has it, as the branches of that "
-            "name leave it out; give wave.wavenumber"
+            f"wave.frequency = {hertz!r}: no {mode} wave at {degrees:g} degrees from x has it, as it lies between "
+            "branches of this name; give wave.wavenumber"
         )
     return tuple(there)
 
@@ -92,13 +92,13 @@ def wavenumbers_at(
 def _band(
     sphere: Sphere, physics: Physics, mode: str, degrees: float, kind: Lattice, wall: Wall | None
 ) -> tuple[list[float], list[float]]:
-    """Return wave numbers in rad per row, ascending, extrema among them, and their frequencies in hertz."""
+    """Return ascending wave numbers, rad per row, that include the extrema, and their frequencies in hertz."""
     edge, lattice = kind.zone_edge(degrees), unit_lattice(sphere, kind, wall)
     grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]
     known: dict[float, float] = {}
-    if mode in restored(lattice, physics):  # all points at once, but for names that mirrors give
+    if mode in restored(lattice, physics):  # all points at once, except for names by mirror symmetry
         found = branches(lattice, sphere, [kind.vector(each, degrees) for each in grid], physics)
-        if mode in found:  # in oblique directions branches are numbered
+        if mode in found:  # branches in oblique directions are numbered
             known |= zip(grid, (found[mode] / (2 * pi * sphere.time_scale)).tolist(), strict=True)
 
     def at(wavenumber: float) -> float:
@@ -130,7 +130,7 @@ def hertz_of(
 
 
 def _extrema(function: Callable[[float], float], grid: list[float]) -> list[float]:
-    """Return where a function has its extrema between the points of a grid."""
+    """Return the places of the extrema of a function between the points of a grid."""
     heights = [function(x) for x in grid]
     found = []
     for k in range(1, len(grid) - 1):
@@ -141,7 +141,7 @@ def _extrema(function: Callable[[float], float], grid: list[float]) -> list[floa
 
 
 def _highest(function: Callable[[float], float], sign: int, low: float, high: float) -> float:
-    """Return where the sign times a function of one peak is largest: each turn leaves out a third beside it."""
+    """Return where sign × function is largest, if it has one peak: each iteration drops a third of the interval."""
     for _ in range(_THIRDS):
         third = (high - low) / 3
         if sign * function(low + third) > sign * function(high - third):
@@ -152,7 +152,7 @@ def _highest(function: Callable[[float], float], sign: int, low: float, high: fl
 
 
 def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a function that changes its sign between two points is 0, or jumps over it, by bisection."""
+    """Return where a function changes its sign between two points, at a zero or a jump, by bisection."""
     rises = function(low) < 0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
@@ -164,14 +164,14 @@ def _zero(function: Callable[[float], float], low: float, high: float) -> float:
 
 
 def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the tables with any wave number where ``wave.frequency`` stands in its place, to be solved for later.
+    """Return the tables with a placeholder for the wave number that later follows from ``wave.frequency``.
 
-    Where there is no wave, ``form = "none"``, and the sources have frequencies of their own, none need be given.
+    With ``form = "none"`` and sources that have their own frequencies, no wave number is needed.
 
     Raises
     ------
     SceneError
-        When both are given, or none, and a source takes its frequency from the wave.
+        If both are given, or if none is given and a source takes its frequency from the wave.
     """
     wave = tables.get("wave")
     if not isinstance(wave, Mapping):
@@ -190,26 +190,26 @@ def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _refuse_without_frequency(sources: object) -> None:
-    """Raise SceneError for a source, of unchecked tables, whose signal has a frequency that nothing says."""
+    """Raise SceneError if, in unchecked tables, a source needs a frequency that nothing declares."""
     for number, each in enumerate(sources if isinstance(sources, list | tuple) else (), 1):
         signal = each.get("signal", Source.signal) if isinstance(each, Mapping) else None
         periodic = isinstance(signal, str) and signal in SIGNALS and "frequency" in SIGNALS[signal].keys
         if periodic and each.keys().isdisjoint(("frequency", "hertz")):
             raise SceneError(
-                f"source {number}: frequency: missing; it must be given, or hertz, or the wave.wavenumber of the mode "
-                "whose frequency it takes"
+                f"source {number}: frequency: missing; give it, or hertz, or the wave.wavenumber of a mode with its "
+                "frequency"
             )
 
 
 def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return tables with ``wave.wavevector``, [kx, ky] in rad per lattice constant, as wave number and direction.
+    """Return tables with ``wave.wavevector``, [kx, ky] in rad per lattice constant, as number and direction.
 
-    The lattice constant is the distance of two spheres that touch.
+    The lattice constant is the distance between two spheres that touch.
 
     Raises
     ------
     SceneError
-        If it is not a wave vector of the zone, or stands beside what it replaces.
+        If the wave vector lies outside the zone, or is given together with a key that it replaces.
     """
     wave = tables.get("wave")
     if not isinstance(wave, Mapping) or "wavevector" not in wave:
@@ -227,7 +227,10 @@ def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
         )
     lattice = _lattice_in(tables)
     unit = lattice.column_spacing
-    advance = unit * float(pair[0]) + 0.0, unit * lattice.row_spacing * float(pair[1]) + 0.0  # + 0.0: no minus zeros
+    advance = (
+        unit * float(pair[0]) + 0.0,
+        unit * lattice.row_spacing * float(pair[1]) + 0.0,
+    )  # + 0.0 turns -0.0 into 0.0
     vector = WaveVector(*advance, lattice.row_spacing, unit)
     edge = lattice.zone_edge(vector.direction)
     if vector.wavenumber > edge * (1 + 1e-12):
@@ -239,7 +242,7 @@ def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _lattice_in(tables: Mapping[str, Any]) -> Lattice:
-    """Return the lattice that tables of a scene name; the hexagonal one where they name none that there is."""
+    """Return the lattice that the tables of a scene name; the hexagonal one if the name is missing or unknown."""
     packing = tables.get("packing")
     names = packing if isinstance(packing, Mapping) else {}
     name, orientation = (

@@ -1,4 +1,4 @@
-"""Crystals that are held at rest, by adhesion or under load: what follows from their contacts and their wave."""
+"""Crystals held at rest by adhesion or a load: values that follow from their contacts and their wave."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,11 +24,11 @@ from granular_lmp.scene.sources import longest_steps
 
 @dataclass(frozen=True, eq=False)
 class Held(Rest):
-    """Spheres that are at rest under their adhesion or a load, about which they vibrate."""
+    """Spheres that vibrate about their rest under adhesion or a load."""
 
     @cached_property
     def planes(self) -> dict[str, float]:
-        """Rigid walls, "ylo" → place, radii; those of a substrate are "zlo" and "zhi"."""
+        """Rigid walls, "ylo" → place in radii; the substrates are "zlo" and "zhi"."""
         contacts, found = self.contacts, {}
         for sphere, vector in zip(contacts.i[contacts.on_wall], contacts.vector[contacts.on_wall], strict=True):
             axis = int(np.argmax(np.abs(vector)))
@@ -39,7 +39,7 @@ class Held(Rest):
 
     @property
     def loads(self) -> dict[int, float]:
-        """None: the cell or the walls bear the load."""
+        """No forces: the cell or the walls bear the load."""
         return {}
 
     @property
@@ -55,17 +55,17 @@ class Held(Rest):
 
     @property
     def shortest_collision(self) -> float:
-        """Half a period of the fastest wave in the contact that a strike presses most, t0."""
+        """Half a period of the fastest wave, at the stiffness of the contact that a strike compresses most, t0."""
         return pi / fastest(self.scene, self.frequency) / (1 + self.scene.strike) ** 0.25
 
     @property
     def steps_between_looks(self) -> int:
-        """Steps between two looks: `granular_lmp.rest.looks.LOOKS` in a period of the fastest motion."""
+        """Steps between two checks: `granular_lmp.rest.looks.LOOKS` checks in a period of the fastest motion."""
         return look_interval(self.scene, self.frequency)
 
     @property
     def steps_to_collision(self) -> None:
-        """None, as contacts stay."""
+        """None, as contacts stay closed."""
         return None
 
     @property
@@ -75,17 +75,17 @@ class Held(Rest):
 
     @property
     def closed(self) -> NDArray[np.bool_]:
-        """All contacts, (C,)."""
+        """True for all contacts, (C,)."""
         return np.ones(len(self.contacts), dtype=bool)
 
     @property
     def pressed(self) -> dict[str, float]:
-        """Empty: `crystal` says how it came to rest."""
+        """Empty: `crystal` describes the relaxation."""
         return {}
 
     @property
     def entries(self) -> dict[str, Any]:
-        """The crystal at rest, its units, and how often its guards look."""
+        """Entries on the crystal at rest, its units, and how often guards check it."""
         scene = self.scene
         return {
             **entries_of(self.crystal),
@@ -103,21 +103,21 @@ class Held(Rest):
         return step_rules(self.scene, self.frequency, enough)
 
     def refuse(self) -> None:
-        """Raise a SceneError if the echo of the faces may reach the centre, unless the scene allows it."""
+        """Raise SceneError if the echo of the faces may reach the centre and the scene does not allow it."""
         scene = self.scene
         if scene.wave is None or scene.time.allow_echo:
             return
         echo = scene.echo_time / swiftness(scene)
         if scene.time.duration > echo:
             raise SceneError(
-                f"time.duration = {scene.time.duration!r}: contacts as stiff and spheres as light as in this crystal "
+                f"time.duration = {scene.time.duration!r}: the stiffest contacts and lightest spheres of this crystal "
                 f"may bring the echo of the {scene.shape.edge} to the centre at tau = {echo:.4g}; must be at most "
                 "that, or set time.allow_echo = true"
             )
 
 
 def decided(scene: Scene, switches: Mapping[str, bool]) -> Scene:
-    """Return the scene of a crystal at rest with every "auto" decided; `switches` are those of its effects."""
+    """Return the scene of a crystal at rest with every "auto" decided; `switches` are its decided effects."""
     shape = scene.shape
     values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
     if scene.wave is not None and scene.wave.frequency is not None:
@@ -129,7 +129,7 @@ def decided(scene: Scene, switches: Mapping[str, bool]) -> Scene:
 
 
 def entries_of(crystal: CrystalAtRest) -> dict[str, Any]:
-    """Return the way of a crystal that is not perfect to rest, and what it led to; nothing for a perfect lattice."""
+    """Return entries on the relaxation of a crystal that is not perfect, and its result; {} for a perfect lattice."""
     rest = crystal.equilibrium
     if rest is None:
         return {}
@@ -139,9 +139,9 @@ def entries_of(crystal: CrystalAtRest) -> dict[str, Any]:
 
 
 def step_rules(scene: Scene, usual: float, enough: float = inf) -> list[StepRule]:
-    """Return all rules for the time step of a scene, whose wave has the frequency `usual`, rad/t0.
+    """Return all rules for the time step of a scene; `usual` is the frequency of its wave, rad/t0.
 
-    The limit of stability may be given too short, but above `enough` where it is longer (`largest_step`).
+    A stability limit above `enough` may be underestimated, but not below `enough` (`largest_step`).
     """
     limit = largest_step(scene, enough)
     causes = [(scene.effects.damping is True, "drag"), (scene.struck, "a strike that stiffens contacts")]
@@ -156,14 +156,14 @@ def step_rules(scene: Scene, usual: float, enough: float = inf) -> list[StepRule
 
 
 def largest_step(scene: Scene, enough: float = inf) -> float:
-    """Return the stability limit of velocity Verlet in the scene's crystal, τ: 2/Ω_max, less with drag and strikes.
+    """Return the stability limit of velocity Verlet in the crystal, τ: 2/Ω_max, less with drag and strikes.
 
-    LAMMPS's drag uses the velocity of half a step before, which changes the condition ΩΔτ < 2 to (ΩΔτ)² + 2bΔτ < 4.
-    Here b = cλ: c in m/t0 is that of the dashpots, λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice. The drag of quiet
-    ends is none of the kind (`granular_lmp.crystal.quiet_ends`). A strike presses a contact to at most (1 + s) Δ0,
-    where its stiffness is √(1 + s) times that at rest (`granular_lmp.scene.strikers.stretch`).
+    The drag in LAMMPS uses the velocity half a step earlier, which changes the condition ΩΔτ < 2 to (ΩΔτ)² + 2bΔτ < 4.
+    Here b = cλ, with the dashpot c in m/t0 and λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice. The drag of quiet
+    ends has no such limit (`granular_lmp.crystal.quiet_ends`). A strike presses a contact to at most (1 + s) Δ0, where
+    its stiffness is √(1 + s) times that at rest (`granular_lmp.scene.strikers.stretch`).
 
-    In a crystal that is not perfect a lower bound of the limit is quick to find. It is returned if above `enough`.
+    In an imperfect crystal a lower bound of the limit is quick to compute, and is returned if it is above `enough`.
     """
     physics, sphere = physics_of(scene), scene.sphere
     viscosity = viscosity_of(scene) if scene.effects.damping is not False else 0.0
@@ -189,7 +189,7 @@ def largest_step(scene: Scene, enough: float = inf) -> float:
 
 
 def _stable(scene: Scene, top: float, drag: float) -> float:
-    """Return the limit of the step for the highest frequency at rest, rad/t0, and cλ/Ω², t0."""
+    """Return the limit of the step, τ, for the highest frequency at rest, rad/t0, and cλ/Ω², t0."""
     top *= (1 + scene.strike) ** 0.25
     half = drag * top / 2  # b/2Ω
     return 2 / top / (hypot(half, 1) + half)

@@ -1,8 +1,8 @@
-"""Adhesion or a load that holds the spheres of a scene at rest, or nothing, and the properties that depend on it.
+"""What holds the spheres of a scene at rest (adhesion, a load, or nothing), and properties that depend on it.
 
-Adhesion or a load holds spheres at rest, as beside every wave (`AT_REST`). Spheres that just touch are not held, and
-neither is a chain that is pressed together (`LOOSE`): they part without a pull, and fly. A scene is asked once which
-holds (`granular_lmp.rest.derived.Derived.holding`).
+Adhesion or a load holds spheres at rest, as in every scene with a wave (`AT_REST`). Spheres that just touch and a
+compressed chain are not held (`LOOSE`): their contacts open without a pull, and they fly.
+`granular_lmp.rest.derived.Derived.holding` decides once which of the two a scene is.
 """
 
 from abc import ABC, abstractmethod
@@ -22,7 +22,7 @@ from granular_lmp.scene.without_wave import HELD, NOT_HELD
 
 
 class Spheres(Protocol):
-    """Properties of a scene that are read here."""
+    """Properties of a scene that this module reads."""
 
     @property
     def material(self) -> Sphere:
@@ -42,7 +42,7 @@ class Spheres(Protocol):
 
     @property
     def start(self) -> Start:
-        """State at the beginning."""
+        """Initial state."""
 
 
 class Holding(ABC):
@@ -53,9 +53,9 @@ class Holding(ABC):
     without_wave : str
         Kind of a scene without a wave (`granular_lmp.scene.without_wave`).
     has_modes : bool
-        True if contacts are stiff at rest, so that linear waves run.
+        True if contacts have a stiffness at rest, so that linear waves exist.
     whole_cells : bool
-        True if the columns of a sheet are whole cells of its lattice, whatever its sides are.
+        True if the columns of a sheet must be whole cells of its lattice, whatever its sides.
     """
 
     without_wave: ClassVar[str]
@@ -72,7 +72,7 @@ class Holding(ABC):
 
     @abstractmethod
     def stiff(self, lattice: Lattice, scene: Spheres, /) -> Lattice:
-        """Return the lattice of a scene with the ratio of its stiffnesses at rest, where that makes waves faster."""
+        """Return the lattice of a scene, with its ratio of stiffnesses at rest if the ratio makes waves faster."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,9 @@ class HeldAtRest(Holding):
         return Wall.rigid(scene.sphere)
 
     def stiff(self, lattice: Lattice, scene: Spheres, /) -> Lattice:
-        """Return the lattice with its ratio of stiffnesses where transverse waves are faster than L.
+        """Return the lattice, with its ratio κ of stiffnesses if transverse waves are faster than L.
 
-        Those of spheres that do not turn are above κ = 1; those of spheres that do, in the plane above 2.
+        They are faster above κ = 1 if spheres do not turn, and in the plane above κ = 2 if they do.
         """
         sphere, effects = scene.sphere, scene.effects
         if not sphere.static_overlap or effects.shear is False:
@@ -104,7 +104,7 @@ class HeldAtRest(Holding):
 
 @dataclass(frozen=True)
 class Loose(Holding):
-    """Nothing: spheres just touch, are parted by gaps, or are a chain under a load from which they fly."""
+    """No hold: spheres just touch, have gaps, or are a compressed chain that they can fly from."""
 
     without_wave, has_modes, whole_cells = NOT_HELD, False, False
 
@@ -116,7 +116,7 @@ class Loose(Holding):
         """Return None: spheres meet planes as they meet each other."""
 
     def stiff(self, lattice: Lattice, _: Spheres, /) -> Lattice:
-        """Return the lattice as it is, without stiffnesses."""
+        """Return the lattice unchanged, as it has no stiffnesses at rest."""
         return lattice
 
 

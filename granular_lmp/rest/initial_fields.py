@@ -4,11 +4,11 @@ A plane wave is one Bloch mode. A wave with a Gaussian envelope is a sum of Bloc
 
     Σ_k' w(k') Re[U(k') e^{i(k'·r − Ω(k')τ + phase)}],    w ∝ exp(−½ length² κ∥² − ½ width² κ⊥²),    κ = k' − k,
 
-each with its own shape and frequency, so that all of it runs forward and no other branch is excited. An envelope that
-only multiplies the mode would radiate the rest, of relative order 1/(k length), in all directions.
+each with its own shape and frequency, so that the whole packet runs forward and excites no other branch. If an envelope
+only multiplied the mode, a share of relative order 1/(k length) would radiate in all directions.
 
-The sum breaks down for a packet shorter than 4/ξ (refused, because part of it would run backward), and where the branch
-touches another within the envelope, because the assignment of wave vectors to branches is then undefined.
+The sum fails for a packet shorter than 4/ξ, part of which would run backward (refused). It also fails where the branch
+touches another one within the envelope, as wave vectors then have no unique branch.
 """
 
 from itertools import product
@@ -29,7 +29,7 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sections import Envelope
 
 Floats = NDArray[np.float64]
-FARTHEST = 7.0  # standard deviations of w that are summed: beyond them w is below 2e-11
+FARTHEST = 7.0  # standard deviations of w in the sum: beyond them w is below 2e-11
 SAME_WAVENUMBER = 1e-9  # rad per row: rounding of a difference of wave vectors
 
 
@@ -48,23 +48,23 @@ class Fields:
 
 
 def initial_fields(scene: Scene, packing: ase.Atoms, wave: BlochWave) -> Fields:
-    """Return the wave of a scene at τ = 0, which is zero on the held rows.
+    """Return the wave of a scene at τ = 0, zero on held rows.
 
     A driven wave has only the displacement of its first row at cos(Ωτ − phase) = 1, along y for L and along x for TR
-    and RT, without rotation. All is at rest where there is no wave.
+    and RT, without rotation. Without a wave all is at rest.
 
     Parameters
     ----------
     scene : Scene
     packing : ase.Atoms
-        From `granular_lmp.crystal.lattices`.
+        Packing from `granular_lmp.crystal.lattices`.
     wave : BlochWave
-        The scene's wave in its lattice.
+        Wave of the scene in its lattice.
 
     Returns
     -------
     Fields
-        For unit amplitude; the deck multiplies them by D0.
+        Fields for unit amplitude; the deck multiplies them by D0.
     """
     form, mode, phase = wave.declared.known, wave.mode, wave.declared.phase
     if form.driven:
@@ -81,7 +81,7 @@ def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:
     Parameters
     ----------
     packing : ase.Atoms
-        From `granular_lmp.crystal.lattices`.
+        Packing from `granular_lmp.crystal.lattices`.
     mode : Mode
         Gives U = (u, i f), k and Ω.
     phase : float
@@ -89,7 +89,7 @@ def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:
 
     Notes
     -----
-    Held rows cut the wave off. The disturbance reaches the centre at `Scene.echo_time`.
+    Held rows cut the wave off; the disturbance reaches the centre at `Scene.echo_time`.
     """
     along_x, along_y = offsets(packing)
     angle = mode.vector.per_row * along_y + mode.vector.per_column * along_x + phase
@@ -104,7 +104,7 @@ def _fields(packing: ase.Atoms, wave: NDArray[np.complex128], rate: NDArray[np.c
 
 
 def _enveloped(scene: Scene, packing: ase.Atoms, wave: BlochWave) -> Fields:
-    """Return the sum of the module's equation over the wave vectors of the packing, taken as a periodic cell."""
+    """Return the sum in the equation of this module over the wave vectors of the packing as a periodic cell."""
     envelope, mode = scene.envelope, wave.mode
     x, y = mode.vector.unit
     per_column, per_row = _around(mode.vector, envelope, scene.shape)  # κ
@@ -112,7 +112,7 @@ def _enveloped(scene: Scene, packing: ase.Atoms, wave: BlochWave) -> Fields:
     along, across = x * kx + y * ky, x * ky - y * kx
     exponent = (envelope.length * along) ** 2 + (envelope.width * across) ** 2
     inside = exponent <= FARTHEST**2
-    # A direction without an envelope has only the wave vector of the wave itself
+    # A direction without an envelope has only the wave vector of the wave
     inside &= (envelope.length > 0) | (np.abs(along) < SAME_WAVENUMBER)
     inside &= (envelope.width > 0) | (np.abs(across) < SAME_WAVENUMBER)
     weight = np.exp(-exponent[inside] / 2)
@@ -130,7 +130,7 @@ def _enveloped(scene: Scene, packing: ase.Atoms, wave: BlochWave) -> Fields:
 
 
 def _around(vector: WaveVector, envelope: Envelope, shape: Shape) -> tuple[Floats, Floats]:
-    """Return the differences in phase advance, per column and per row, of the wave vectors that may contribute."""
+    """Return the differences in phase advance, per column and per row, of wave vectors that may contribute."""
     x, y = (abs(part) for part in vector.unit)
     narrow = [1 / size if size else 0.0 for size in (envelope.length, envelope.width)]  # rad per row
     reach = [np.hypot(narrow[0] * x, narrow[1] * y) / vector.row_spacing, np.hypot(narrow[0] * y, narrow[1] * x)]
@@ -145,9 +145,9 @@ def _around(vector: WaveVector, envelope: Envelope, shape: Shape) -> tuple[Float
 
 
 def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[np.complex128]]:
-    """Return frequencies (M,) and shapes (M, P, 6), (u, i f), of a mode's branch at phase advances (M, 2).
+    """Return frequencies (M,) and shapes (u, i f), (M, P, 6), on the branch of a mode at phase advances (M, 2).
 
-    The branch is followed by the overlap of the shapes, because names are exchanged where branches come close.
+    The overlap of shapes identifies the branch, because names change where branches come close.
     """
     sphere = scene.sphere
     across = scene.lattice.column_distance(lattice_constant(sphere))
@@ -167,7 +167,7 @@ def _sum_of_waves(
 ) -> NDArray[np.complex128]:
     """Return Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 6), over a grid of wave vectors: first y, then x.
 
-    Spheres of one place of their cells and of rows of one parity stand on a grid of x and y.
+    Spheres at one place of their cell, in rows of one parity, lie on a grid of x and y.
     """
     (along_x, along_y), place, row = offsets(packing), places(packing, amplitude.shape[2]), packing.arrays["row"]
     result = np.empty((len(packing), 6), dtype=complex)

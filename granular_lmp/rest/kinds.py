@@ -1,6 +1,6 @@
-"""The maker of the `Rest` of a scene: of a crystal that is held at rest, or of spheres that meet.
+"""Make the `Rest` of a scene: a crystal held at rest, or spheres that meet.
 
-Who has a problem asks its `Rest`. What needs none, or comes before it, asks `granular_lmp.rest.holding`.
+Code that has a problem reads its `Rest`; code that runs earlier, or needs none, reads `granular_lmp.rest.holding`.
 """
 
 from collections.abc import Mapping
@@ -12,14 +12,14 @@ from granular_lmp.rest.scene import Scene
 
 
 def rest_of(scene: Scene, switches: Mapping[str, bool] | None = None, *, turns: bool = True) -> Rest:
-    """Return the spheres of a scene at rest: of a crystal that is held there with every "auto" decided.
+    """Return the spheres of a scene at rest; for a crystal held at rest, with every "auto" decided.
 
     Parameters
     ----------
     scene : Scene
-        As declared.
+        Scene as declared.
     switches : mapping, optional
-        Effects that are decided, by the key that forces them, as ``effects.shear``.
+        Decided effects, by the key that forces them, such as ``effects.shear``.
     turns : bool
         True if spheres turn.
     """

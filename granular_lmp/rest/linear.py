@@ -1,4 +1,4 @@
-"""The linear wave of a scene: the degrees of freedom of its lattice, and the Bloch mode of its wave."""
+"""Linear wave of a scene: the degrees of freedom of its lattice, and the Bloch mode of its wave."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from granular_lmp.scene.sections import Wave
 
 @dataclass(frozen=True)
 class BlochWave:
-    """The wave of a scene in its crystal.
+    """Wave of a scene in its crystal.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class BlochWave:
 
 
 def physics_of(scene: Scene) -> Physics:
-    """Return the degrees of freedom of a scene's lattice; those that are still "auto" are there."""
+    """Return the degrees of freedom of the lattice of a scene; any that is still "auto" counts as present."""
     return scene.physics
 
 
@@ -39,7 +39,7 @@ def viscosity_of(scene: Scene) -> float:
 
 
 def plane_along_y(scene: Scene) -> bool:
-    """Return whether the wave is the paper's, a running plane wave along y in a perfect lattice."""
+    """Return whether the wave is that of the paper: a running plane wave along y in a perfect lattice."""
     running = scene.form.runs and not scene.envelope.finite and not scene.struck and not scene.source
     along_y = running and scene.vector.axis == "y" and scene.vector.per_row > 0
     paper = scene.space == 2 and scene.lattice.column_period == 1
@@ -47,7 +47,7 @@ def plane_along_y(scene: Scene) -> bool:
 
 
 def uniform_rows(scene: Scene) -> bool:
-    """Return whether all spheres of a row move alike, so that the fewest columns stand for any number."""
+    """Return whether all spheres of a row move alike, so that a few columns stand for any number."""
     if scene.wave is None:
         return False
     whole = all(each.rows for each in (*scene.source, *scene.striker, *scene.start.at()))
@@ -56,22 +56,22 @@ def uniform_rows(scene: Scene) -> bool:
 
 
 def unit_contacts(scene: Scene) -> Contacts:
-    """Return the contacts of the spheres of one cell of a scene's lattice when that is perfect, with its walls."""
+    """Return the contacts of the spheres in one cell of the perfect lattice of a scene, including walls."""
     return unit_lattice(scene.sphere, scene.lattice, scene.wall)
 
 
 def wave_contacts(scene: Scene) -> Contacts:
-    """Return the contacts of one cell of the crystal in whose mode a wave starts: rows may differ in a pattern."""
+    """Return the contacts in one cell of the crystal whose mode starts the wave; its rows may differ in a pattern."""
     return unit_lattice(scene.sphere, scene.wave_lattice, scene.wall)
 
 
 def usual_frequency(scene: Scene) -> float:
-    """Return Ω of a scene's wave, rad/t0; 0 without a wave, where sources have frequencies of their own."""
+    """Return Ω of the wave of a scene, rad/t0; 0 without a wave, as sources then have their own frequencies."""
     return 0.0 if scene.wave is None else mode_of(scene).frequency
 
 
 def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
-    """Return the Bloch mode of a scene's wave in its lattice, or in a lattice with the given physics."""
+    """Return the Bloch mode of the wave of a scene, in its lattice or with other degrees of freedom."""
     physics = physics_of(scene) if physics is None else replace(physics, space=scene.space == 3)
     return bloch_mode(wave_contacts(scene), scene.sphere, scene.vector, scene.require_wave().mode, physics)
 

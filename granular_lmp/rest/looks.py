@@ -1,7 +1,7 @@
-"""How fast a crystal at rest moves once a wave runs in it, and how often its deck looks at its contacts.
+"""Fastest motion of a crystal in which a wave runs, and how often the deck checks its contacts.
 
-A deck looks `LOOKS` times in a period of the fastest motion Ω (what may hide is in
-`granular_lmp.effects.between_looks`).
+A deck checks `LOOKS` times in a period of the fastest motion Ω; `granular_lmp.effects.between_looks` bounds what it may
+miss.
 """
 
 from math import pi
@@ -16,15 +16,15 @@ TOP = 1.0  # rad/τ, top of the branches that carry displacements: L and TR at t
 
 
 def fastest(scene: Scene, usual: float | None = None) -> float:
-    """Return the highest frequency that the extremes of contacts depend on, rad/t0.
+    """Return the highest frequency that matters for the extremes of contacts, rad/t0.
 
         max(2Ω, 1·s)
 
-    Ω is `usual`, by default that of the declared wave. The highest frequency is that of the second harmonic, of the
-    fastest source if there are sources, or the top of the branches of displacement waves, which bounds free waves. A
-    strike holds every frequency up to the highest. s is `granular_lmp.rest.at_rest.swiftness`, 1 in a perfect lattice.
-    Each higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand
-    of the contacts' motion if no wall cuts the wave off (docs/effects.md).
+    Ω is `usual`, by default that of the declared wave. It is the frequency of the second harmonic, of the fastest
+    source, or at the top of the branches of displacement waves, which bounds free waves. A strike contains every
+    frequency up to the highest. s is `granular_lmp.rest.at_rest.swiftness`, 1 in a perfect lattice. Each higher
+    harmonic is smaller by a factor of the amplitude. The rotational branch, up to Ω_max, has a thousandth of the motion
+    of contacts if no wall cuts the wave off (page Effects).
     """
     usual = usual_frequency(scene) if usual is None else usual
     own = [each.top(scene.sphere, usual) for each in scene.drives]
@@ -35,10 +35,10 @@ def fastest(scene: Scene, usual: float | None = None) -> float:
 
 
 def longest(scene: Scene, usual: float | None = None) -> float:
-    """Return the longest time between two looks, τ."""
+    """Return the longest time between two checks, τ."""
     return 2 * pi / (LOOKS * fastest(scene, usual))
 
 
 def look_interval(scene: Scene, usual: float | None = None) -> int:
-    """Return the steps between two looks, as the deck computes them; 1 where a step is longer than `longest`."""
+    """Return the steps between two checks, as the deck computes them; 1 if a step is longer than `longest`."""
     return max(1, int(longest(scene, usual) / scene.time.step))

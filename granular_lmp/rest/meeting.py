@@ -1,6 +1,6 @@
-"""Spheres that meet: what follows from places, masses and contacts in the units of an impact, m, ℓ and v.
+"""Spheres that meet: values from places, masses and contacts in the units of an impact, m, ℓ and v.
 
-Contacts just touch, are parted by a gap, or are pressed together in a chain (`granular_lmp.crystal.touching`).
+Neighbours just touch, have a gap, or are pressed together in a chain (`granular_lmp.crystal.touching`).
 """
 
 from math import hypot, inf, pi, sqrt
@@ -22,30 +22,30 @@ from granular_lmp.rest.face import Floats, Rest
 from granular_lmp.rest.step_rules import StepRule, rules_of_collisions
 from granular_lmp.scene.places import place_of
 
-LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
-# A force f on a sphere that vibrates with ω makes a velocity f/mω, which then is 1e-4 of the striker's at most
+LOOKS_IN_COLLISION = 20  # checks by the guards in the shortest collision
+# A force f on a sphere that vibrates with ω makes a velocity f/mω: at most 1e-4 of the velocity of the striker
 LARGEST_RESIDUAL = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Meeting(Rest):
-    """Spheres that are not held at rest: they just touch, are parted by gaps, or are a chain that is pressed together.
+    """Spheres that are not held at rest: they just touch, have gaps, or are a compressed chain.
 
-    They part without a pull, and fly.
+    Their contacts open without a pull, and they fly.
     """
 
     @cached_property
     def softest(self) -> float:
-        """Smallest of the `coefficients`, A; that of a wall of a single sphere."""
+        """Smallest of the `coefficients`, in A; for a single sphere, that of its wall."""
         return float(self.coefficients.min()) if len(self.coefficients) else self.on_wall(0)
 
     @cached_property
     def shortest_collision(self) -> float:
-        """Shortest time, t0, in which two neighbours part again that meet with the velocity of the fastest striker.
+        """Shortest collision, t0, of two neighbours that meet with the velocity of the fastest striker.
 
-        Of neighbours that are pressed together it is half a period of their vibration, π/ω. Between the two limits
-        1/T² is taken as the sum of both squares, which makes T too short, by 17 % at most. A single sphere
-        meets its wall.
+        For neighbours that are pressed together it is half a period of their vibration, π/ω. Between the two limits,
+        1/T² is the sum of both squares, which makes T too short by at most 17 %. A single sphere collides with its
+        wall.
         """
         if not len(self.contacts):
             return collision_time(float(self.mass[0]), self.softest)
@@ -64,9 +64,9 @@ class Meeting(Rest):
 
     @cached_property
     def first_depth(self) -> float:
-        """Deepest overlap at the beginning, in ℓ; of contacts of unlike spheres that of the softest at their force.
+        """Deepest initial overlap, in ℓ; for unlike spheres, the overlap of the softest contact at their force.
 
-        Contacts that adhere are pulled to their overlap without a force as they close.
+        Adhering contacts are pulled to their overlap at zero force as soon as they close.
         """
         pulled = 0.0
         if self.scene.start.touching:
@@ -91,7 +91,7 @@ class Meeting(Rest):
 
     @property
     def rolling_rate(self) -> float:
-        """Bound on ω, 1/t0, of spheres that roll on all their neighbours: ω² = 2n k_r Rc²/I, Rc at most R."""
+        """Bound on ω, 1/t0, for spheres that roll on all their neighbours: ω² = 2n k_r Rc²/I, Rc at most R."""
         effects = self.scene.effects
         if effects.rolling is False:
             return 0.0
@@ -100,7 +100,7 @@ class Meeting(Rest):
 
     @property
     def drag_rate(self) -> float:
-        """Bound on the rate, 1/t0, at which dashpots slow a motion: 2η/m of each contact of a sphere, 1/Ĩ of a turn."""
+        """Bound on the rate, 1/t0, at which dashpots slow a motion: 2η/m for each contact, times 1/Ĩ for a rotation."""
         effects = self.scene.effects
         turning = effects.shear_damping / INERTIA_RATIO if effects.friction else 0.0
         dashpot = effects.viscosity * max(1.0, turning) + effects.rolling_viscosity / INERTIA_RATIO
@@ -110,11 +110,11 @@ class Meeting(Rest):
     def _most_touching(self) -> int:
         return int(self.contacts.per_sphere.max(initial=1)) + (2 if self.planes else 0)
 
-    # --- a chain that is pressed together ---
+    # --- compressed chains ---
 
     @cached_property
     def loads(self) -> dict[int, float]:
-        """Constant forces along y on the free ends of a chain, m v/t0, by sphere: they balance their contacts."""
+        """Constant forces along y on the free ends of a chain, m v/t0, by sphere; they balance the contacts."""
         packing, last = self.scene.packing, len(self.atoms) - 1
         if not packing.contact_force:
             return {}
@@ -123,7 +123,7 @@ class Meeting(Rest):
 
     @cached_property
     def planes(self) -> dict[str, float]:
-        """Rigid walls that the outermost sphere of a side touches, or is pressed on, "ylo" → place, radii."""
+        """Rigid walls that touch or press the outermost sphere of a face, "ylo" → place in radii."""
         packing, places, radius = self.scene.packing, self.atoms.positions, self.atoms.arrays["radius"]
         pressed = [
             (self.scene.sphere.static_overlap / self.on_wall(end) ** (2 / 3)) / self.scene.sphere.radius
@@ -139,19 +139,19 @@ class Meeting(Rest):
 
     @cached_property
     def residual_force(self) -> float:
-        """Largest force that rounding of the places leaves on a sphere of a chain at rest, m v/t0."""
+        """Largest force on a sphere of a chain at rest due to rounding of the places, m v/t0."""
         walls = {end: coefficient * overlap**1.5 for end, (coefficient, overlap) in self.on_walls.items()}
         low, high = ([walls[end]] if end in walls else [] for end in (0, -1))
         return float(np.max(np.abs(np.diff([*low, *self.rest_force, *high])), initial=0.0))
 
     @property
     def rest_rate(self) -> float:
-        """√(K/m), 1/t0, of spheres of ``[sphere]`` at rest, K = (3/2) A √δ."""
+        """√(K/m) for spheres of ``[sphere]`` at rest, 1/t0, with K = (3/2) A √δ."""
         return sqrt(1.5 * sqrt(self.scene.sphere.static_overlap / self.scale.length))
 
     @cached_property
     def cell(self) -> tuple[Floats, Floats]:
-        """Masses (p,), m, and stiffnesses (p,), m/t0², of the cell of a chain that is pressed together.
+        """Masses (p,), m, and stiffnesses (p,), m/t0², of the cell of a compressed chain.
 
         Raises
         ------
@@ -166,15 +166,15 @@ class Meeting(Rest):
             raise SceneError(f"{what}; spheres that just touch have no modes", because="physics")
         if not (count := cell_of(self.mass, self.rest_stiffness)):
             raise SceneError(
-                "inclusion: the spheres of the chain do not repeat in any order from end to end, and only a periodic "
-                "chain has bands; let every n-th row differ (rows and every of an [[inclusion]]), the first one too",
+                "inclusion: the spheres of the chain do not repeat from end to end, and only a periodic chain has "
+                "bands; let every n-th row differ (rows and every of an [[inclusion]]), beginning with the first",
                 because="physics",
             )
         return self.mass[:count], self.rest_stiffness[:count]
 
     @property
     def sound(self) -> float:
-        """Speed of long waves along a chain, m/s: its mean spacing over √(mean mass · mean compliance); 0 if none."""
+        """Speed of long waves along a chain, m/s: mean spacing over √(mean mass · mean compliance); 0 if unloaded."""
         if not self.scene.packing.contact_force:
             return 0.0
         spacing = np.mean(np.abs(self.contacts.vector[:, 1]))
@@ -183,7 +183,7 @@ class Meeting(Rest):
 
     @property
     def pressed(self) -> dict[str, float]:
-        """Force that presses the chain together, its ratio to that of the impact, sound and residual; {} if none."""
+        """Force on the chain, its ratio to the force of the impact, sound and residual; {} without a load."""
         if not (force := self.scene.packing.contact_force):
             return {}
         return {
@@ -194,16 +194,16 @@ class Meeting(Rest):
             "residual_force_over_impact": self.residual_force,
         }
 
-    # --- what a deck and a run take ---
+    # --- values for decks and runs ---
 
     @property
     def follows(self) -> str:
-        """Both axes in the plane: spheres fly away."""
+        """Both axes in the plane, as spheres fly away."""
         return "xy"
 
     @property
     def outermost(self) -> tuple[float, float]:
-        """Ends of the spheres along y, where they do not go on: a chain of unequal spheres is longer or shorter."""
+        """Ends of the spheres along y if the chain is not periodic: with unequal spheres it is longer or shorter."""
         if self.atoms.pbc[1]:
             return inf, -inf
         places = self.atoms.positions[:, 1]
@@ -211,7 +211,7 @@ class Meeting(Rest):
 
     @property
     def steps_between_looks(self) -> int:
-        """A whole number in a sample, of which `LOOKS_IN_COLLISION` or more are in the shortest collision."""
+        """Steps between two checks; they divide a sample, with at least `LOOKS_IN_COLLISION` checks in a collision."""
         time = self.scene.time
         most = int(self.shortest_collision / LOOKS_IN_COLLISION / time.step)
         whole = time.steps_per_sample
@@ -236,7 +236,7 @@ class Meeting(Rest):
 
     @property
     def entries(self) -> dict[str, Any]:
-        """Units of the impact, its shortest collision and the chain at rest."""
+        """Entries on the units of the impact, its shortest collision and the chain at rest."""
         scale = self.scale
         return {
             "velocity_m_s": scale.velocity,
@@ -247,10 +247,10 @@ class Meeting(Rest):
             "at_rest": self.pressed,
         }
 
-    # --- what is refused ---
+    # --- refusals ---
 
     def refuse(self) -> None:
-        """Raise a SceneError if spheres at rest or at the beginning overlap too deep, or are not at rest."""
+        """Raise SceneError if spheres overlap too deeply at rest or at the beginning, or are not at rest."""
         self._refuse_depth_at_rest()
         self._refuse_residual()
         if self.scene.start.state:
@@ -272,8 +272,8 @@ class Meeting(Rest):
         if force and self.residual_force > most:
             raise SceneError(
                 f"packing.contact_force = {force!r}: rounding of the places leaves a force of "
-                f"{self.residual_force:.2g} m v/t0 on a sphere at rest, and at most {most:.2g} is allowed; take a "
-                "smaller force or a faster striker",
+                f"{self.residual_force:.2g} m v/t0 on a sphere at rest; must be at most {most:.2g}; use a smaller "
+                "force or a faster striker",
                 because="physics",
             )
 

@@ -1,4 +1,4 @@
-"""Rows of other densities that repeat: the cell in which a crystal of them has its modes."""
+"""Rows of different densities that repeat: the cell of the modes of such a crystal."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,9 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import Packing
 
-LONGEST = 6  # rows of a pattern: more would be a cell of 18 branches and above
+LONGEST = 6  # rows in a pattern: longer ones would have a cell of 18 branches or more
 _ALLOWED = ("rows", "every", "density")
-_NEEDS = "a branch has its number where rows of other densities repeat"
+_NEEDS = "the number of a branch needs rows of different densities that repeat"
 
 
 def patterned(
@@ -24,21 +24,21 @@ def patterned(
     pairs: Sequence[Pair],
     mode: str,
 ) -> Lattice:
-    """Return the lattice with the shortest cell whose rows repeat, by density and kind, the centre row first.
+    """Return the lattice with the shortest cell that repeats the densities and kinds of rows, the centre row first.
 
     Parameters
     ----------
     density : float
-        That of the sphere of the lattice, kg/m³.
+        Density of the sphere of the lattice, kg/m³.
     pairs : sequence of Pair
-        Measured stiffnesses of two kinds.
+        Measured stiffnesses between two kinds of spheres.
     mode : str
         ``wave.mode``, for the error message.
 
     Raises
     ------
     SceneError
-        If inclusions are not rows of other densities, or rows do not repeat.
+        If inclusions are not rows of different densities, or rows do not repeat.
     """
     for number, each in enumerate(inclusions, 1):
         default = Inclusion()
@@ -73,7 +73,7 @@ def patterned(
 
 
 def _length(rows: np.ndarray, period: int, *, periodic: bool) -> int:
-    """Return after how many rows, a multiple of a period, all repeat; 0 if after none of at most `LONGEST`."""
+    """Return the number of rows, a multiple of a period, after which all repeat; 0 if it exceeds `LONGEST`."""
     for length in range(period, min(LONGEST, len(rows) - 1) + 1, period):
         if np.array_equal(rows[length:], rows[:-length]) and not (periodic and len(rows) % length):
             return length

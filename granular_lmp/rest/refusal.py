@@ -1,4 +1,4 @@
-"""A line of the table of refusals: what does not go together, whether that is physics or not built, and the message."""
+"""Line of the table of refusals: what cannot be combined, whether because of physics or not built, and the message."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,15 +13,15 @@ ALL, AT_REST, WITHOUT_WAVE = (WAVE, HELD, NOT_HELD), (WAVE, HELD), (HELD, NOT_HE
 
 @dataclass(frozen=True)
 class Refusal:
-    """A line of the table.
+    """Line of the table.
 
     Attributes
     ----------
     because : "physics", "not built" or "exclusive"
     says : callable
-        Scene → what is wrong with it, "" if nothing is.
+        Scene → its error, "" if there is none.
     of : sequence of str
-        Kinds of scenes that the line is about (`granular_lmp.scene.without_wave`).
+        Kinds of scenes to which the line applies (`granular_lmp.scene.without_wave`).
     """
 
     because: Because
@@ -30,7 +30,7 @@ class Refusal:
 
 
 def joining(lines: list[Refusal], of: Sequence[str]) -> Callable[..., Callable[[Says], Says]]:
-    """Return the decorator that appends a function to lines, which are about these kinds of scenes by default."""
+    """Return a decorator that appends a function to the lines; by default they apply to these kinds of scenes."""
 
     def line(because: Because, *, of: Sequence[str] = of) -> Callable[[Says], Says]:
         def joined(says: Says) -> Says:

@@ -1,7 +1,7 @@
-"""The table of refusals: what does not go together in a scene, each line physics or not built.
+"""Table of refusals: what cannot be combined in a scene, because of physics or because it is not built.
 
-A line is a function that returns what is wrong with a scene, "" if nothing is. `refuse` raises the first, and its error
-knows why (`granular_lmp.errors.SceneError.because`): the matrix of features and its page read it there.
+A line is a function that returns the error of a scene, "" if there is none. `refuse` raises the first error, which
+carries its reason (`granular_lmp.errors.SceneError.because`) for the matrix of features and its page.
 """
 
 from granular_lmp.errors import SceneError
@@ -24,7 +24,7 @@ REFUSALS = (
 
 
 def refuse(scene: Derived, variant: str) -> None:
-    """Raise a SceneError for the first line that refuses a scene of this kind."""
+    """Raise SceneError for the first line that refuses a scene of this kind."""
     for line in REFUSALS:
         if variant in line.of and (sentence := line.says(scene)):
             raise SceneError(sentence, because=line.because)

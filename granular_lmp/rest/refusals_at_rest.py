@@ -1,4 +1,4 @@
-"""Refusals of spheres at rest under load, beside a wave and without one."""
+"""Refusals of spheres at rest under load, with or without a wave."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ from granular_lmp.scene.schema import AUTO, either, shown
 from granular_lmp.scene.without_wave import HELD
 
 EPSILON = sys.float_info.epsilon
-FEWEST_ROUNDINGS = 100.0  # roundings of a position in D0; with fewer the record would be noise or zero without warning
+FEWEST_ROUNDINGS = 100.0  # D0 in roundings of a position; with fewer the record would be noise or zero without warning
 FEWEST_BETWEEN_SIDES = 3  # columns: a centre column, and one on each side
 LINES: list[Refusal] = []
 line = joining(LINES, of=AT_REST)
@@ -54,7 +54,7 @@ def substrate_without_adhesion(scene: Derived) -> str:
 
 @line("not built")
 def asked_of_space(scene: Derived) -> str:
-    """Check what is asked of a crystal in space."""
+    """Check the demands on a crystal in space."""
     packing, effects, absorb = scene.packing, scene.effects, scene.absorb
     substrate, lattice = scene.substrate, scene.lattice
     if scene.space == 2:
@@ -66,20 +66,20 @@ def asked_of_space(scene: Derived) -> str:
         )
     if absorb.rows and (substrate is not None or lattice.film):
         return (
-            f"absorb.rows = {shown(absorb.rows)}: must be 0 on a [substrate] and in a film, where it is not known what "
-            "quiet ends reflect"
+            f"absorb.rows = {shown(absorb.rows)}: must be 0 on a [substrate] and in a film, where the reflection of "
+            "quiet ends is not known"
         )
     if packing.relax_friction:
         return (
-            f"packing.relax_friction = {packing.relax_friction!r}: must be 0 where packing.space is 3; spheres that "
-            "rub as they come to rest stay in the plane"
+            f"packing.relax_friction = {packing.relax_friction!r}: must be 0 where packing.space is 3; relaxation with "
+            "friction is only for spheres in the plane"
         )
     return ""
 
 
 @line("not built")
 def asked_of_walls(scene: Derived) -> str:
-    """Check that nothing is asked of a crystal at rest whose faces are rigid planes that these do not know."""
+    """Check that a crystal at rest with rigid planes at its faces has nothing that the planes do not support."""
     packing, effects = scene.packing, scene.effects
     if not scene.rigid:
         return ""
@@ -98,13 +98,13 @@ def asked_of_walls(scene: Derived) -> str:
 
 @line("physics")
 def pairs_of_kinds(scene: Derived) -> str:
-    """Pairs are of kinds that are there."""
+    """Check that pairs name kinds of spheres that exist."""
     return next(_troubles(scene.inclusion, scene.pair), "")
 
 
 @line("physics")
 def stiffnesses_that_buckle(scene: Derived) -> str:
-    """Contacts of other stiffness may leave no sphere where it could not come to rest."""
+    """Check that contacts of other stiffness do not make a lattice buckle."""
     packing, lattice, disorder, pairs = scene.packing, scene.lattice, scene.disorder, scene.pair
     stays = lattice == CHAIN and packing.relax == "fixed"
     factors = packing.table.differing(**dict.fromkeys(STIFFNESSES, 1.0))
@@ -119,14 +119,14 @@ def stiffnesses_that_buckle(scene: Derived) -> str:
 
 
 def _troubles(inclusions: Sequence[Inclusion], pairs: Sequence[Pair]) -> Iterator[str]:
-    """Yield what is wrong with each pair by itself."""
+    """Yield the errors of each single pair."""
     for number, each in enumerate(pairs, 1):
         name, kinds = f"pair {number}", sorted(each.of)
         if len(kinds) != 2 or kinds[1] > len(inclusions) or not kinds[1]:
             most = f"at most {len(inclusions)}, the number of tables [[inclusion]], not both 0"
-            yield f"{name}: of = {list(each.of)}: must be two kinds of spheres, {most}; [contact] has those of 0 and 0"
+            yield f"{name}: of = {list(each.of)}: must be two kinds of spheres, {most}; [contact] is for 0 and 0"
         elif any(kind and inclusions[kind - 1].vacancy for kind in kinds):
-            yield f"{name}: of = {list(each.of)}: must not be of vacancies"
+            yield f"{name}: of = {list(each.of)}: must not name vacancies"
         elif kinds in [sorted(other.of) for other in pairs[: number - 1]]:
             yield f"{name}: of = {list(each.of)}: is declared twice"
         if each.normal_stiffness is None and each.shear_stiffness is None:
@@ -168,7 +168,7 @@ def faces(scene: Derived) -> str:
 
 @line("physics", of=ALL)
 def rows_and_columns(scene: Derived) -> str:
-    """Check that rows and columns are those of the lattice, and that no sphere touches two images of another one."""
+    """Check that rows and columns fit the lattice, and that no sphere touches two images of another one."""
     shape, or_auto = scene.shape, "" if scene.wave is None else ', or "auto"'
     lattice, rows, columns = shape.lattice, shape.rows, shape.columns
     if columns > 1 and not lattice.sheet:
@@ -205,7 +205,7 @@ def rows_and_columns(scene: Derived) -> str:
 def lattice_that_buckles(scene: Derived) -> str:
     packing, lattice = scene.packing, scene.lattice
     shear = scene.effects.physics.shear
-    straight = lattice == CHAIN and shear  # along its line: `chain_that_buckles`
+    straight = lattice == CHAIN and shear  # a chain is stable along its line: `chain_that_buckles`
     stays = straight or bears_compression(unit_lattice(scene.sphere, lattice), shear=shear)
     if packing.contact_force and not stays:
         return (
@@ -217,7 +217,7 @@ def lattice_that_buckles(scene: Derived) -> str:
 
 @line("physics")
 def chain_that_buckles(scene: Derived) -> str:
-    """Nothing may push a compressed chain off its line, along which it moves as if it were held."""
+    """Check that nothing pushes a compressed chain off its line; along the line it moves as if it were held."""
     lattice, packing, across = scene.lattice, scene.packing, words.across(scene.wave, scene.source, scene.start)
     if lattice == CHAIN and packing.contact_force and across:
         return (
@@ -229,7 +229,7 @@ def chain_that_buckles(scene: Derived) -> str:
 
 @line("physics")
 def imperfections(scene: Derived) -> str:
-    """Check that a crystal that is not perfect has a declared size, and the adhesion of its inclusions."""
+    """Check that an imperfect crystal has a declared size, and check the adhesion of its inclusions."""
     packing, layered, perfect = scene.packing, scene.layered, scene.perfect
     for number, inclusion in enumerate(scene.inclusion, 1):
         if inclusion.work_of_adhesion and not scene.sphere.work_of_adhesion:
@@ -249,14 +249,14 @@ def imperfections(scene: Derived) -> str:
 
 @line("not built")
 def measured_stiffnesses_of_several_materials(scene: Derived) -> str:
-    """Measured stiffnesses are of one material."""
+    """Check that measured stiffnesses are used with one material only."""
     bodies = (scene.contact, scene.substrate) if scene.substrate else (scene.contact,)
     if not any(each.normal_stiffness or each.shear_stiffness for each in bodies):
         return ""
     for key, value in _unequal(scene).items():
         if not key.endswith("radius"):
             return (
-                f"{key} = {value!r}: must be left out beside measured stiffnesses, which are of the spheres of the "
+                f"{key} = {value!r}: must be left out beside measured stiffnesses, which belong to the spheres of the "
                 "lattice"
             )
     return ""
@@ -264,40 +264,40 @@ def measured_stiffnesses_of_several_materials(scene: Derived) -> str:
 
 @line("physics")
 def arrangement(scene: Derived) -> str:
-    """Check that spheres that differ do not press a lattice out of its arrangement as they come to rest.
+    """Check that unequal spheres do not change the arrangement of a lattice as it relaxes.
 
-    Spheres come to rest without friction. Lines of contacts run through a square and a cubic lattice, which resists no
-    shear then, so every contact must be at rest where it is; a chain resists no shift sideways, so it must not be
-    compressed, and a layer in space no push along z.
+    Relaxation has no friction. A square or cubic lattice, with straight lines of contacts, then resists no shear, so
+    every contact must be at rest already. A chain resists no sideways shift, so it must not be compressed; a layer in
+    space resists no push along z.
     """
     packing, lattice, disorder, inclusions = scene.packing, scene.lattice, scene.disorder, scene.inclusion
     for key, value in _unequal(scene).items():
         if scene.space == 3 and not lattice.solid and scene.substrate is None:
             return (
-                f"{key} = {value!r}: must be that of all spheres in a layer that nothing holds along z, out of which "
-                "contacts that push would press them; needs a [substrate], or packing.space = 2"
+                f"{key} = {value!r}: must be equal for all spheres in a layer that nothing holds along z, as contacts "
+                "would push unequal spheres out of it; needs a [substrate], or packing.space = 2"
             )
         if lattice.collapses:
             return (
-                f'{key} = {value!r}: must be that of all spheres with packing.lattice = "{packing.lattice}", which has '
-                "no shear stiffness without friction and would collapse as it comes to rest"
+                f'{key} = {value!r}: must be equal for all spheres with packing.lattice = "{packing.lattice}", which '
+                "has no shear stiffness without friction and would collapse as it relaxes"
             )
         if lattice == CHAIN and packing.relax == "fixed":
             return (
                 f'packing.relax = "fixed": must be "box" with {key} = {value!r} in a chain, which would buckle in a '
-                "box that stays"
+                "fixed box"
             )
     empty = disorder.vacancies > 0 or any(each.vacancy for each in inclusions)
     if lattice.collapses and packing.contact_force and empty:
         return (
             f"packing.contact_force = {packing.contact_force!r}: must be 0 in a {packing.lattice} lattice with "
-            "vacancies, into which its spheres would be pressed"
+            "vacancies, as the force would press spheres into them"
         )
     return ""
 
 
 def _unequal(scene: Derived) -> dict[str, float]:
-    """Return by key what makes contacts differ: radii, moduli and adhesion that are not those of the lattice."""
+    """Return by key the values that make contacts differ: other radii, moduli and adhesion than the lattice has."""
     material, disorder, table = scene.material, scene.disorder, scene.packing.table
     found = {"disorder.radius": disorder.radius} if disorder.radius else {}
     found |= {f"packing.table: {key}": value for key, value in table.differing(radius=material.radius).items()}
@@ -313,8 +313,8 @@ def quiet_ends_of_other_lattices(scene: Derived) -> str:
     if not rows or lattice.column_period == 1:
         return ""
     return (
-        f'absorb.rows = {rows!r}: must be 0 with packing.lattice = "{lattice.name}"; quiet ends are for rows of one '
-        "sphere a cell"
+        f'absorb.rows = {rows!r}: must be 0 with packing.lattice = "{lattice.name}"; quiet ends need a lattice with '
+        "one sphere per cell"
     )
 
 
@@ -323,8 +323,8 @@ def quiet_ends_of_patterns(scene: Derived) -> str:
     if scene.absorb.rows == 0 or scene.wave_lattice.cell_size == 1:
         return ""
     return (
-        f"absorb.rows = {scene.absorb.rows!r}: must be 0 on a [substrate] and in a lattice of several spheres a cell, "
-        "where it is not known what quiet ends reflect"
+        f"absorb.rows = {scene.absorb.rows!r}: must be 0 on a [substrate] and in a lattice of several spheres per "
+        "cell, where the reflection of quiet ends is not known"
     )
 
 
@@ -333,14 +333,14 @@ def quiet_rows_at_free_ends(scene: Derived) -> str:
     if not scene.absorb.rows or scene.quiet:
         return ""
     return (
-        f'absorb.rows = {scene.absorb.rows!r}: needs packing.first or packing.last = "quiet", as quiet rows are in '
-        "front of a held row, and both ends are free or walls"
+        f'absorb.rows = {scene.absorb.rows!r}: needs packing.first or packing.last = "quiet", as quiet rows stand '
+        "before a held row, and here both ends are free or walls"
     )
 
 
 @line("physics")
 def quiet_ends(scene: Derived) -> str:
-    """Check that quiet ends have rows to damp and a wave that reaches them from inside."""
+    """Check that quiet ends have rows that absorb, and a wave that reaches them from inside."""
     absorb, packing, form = scene.absorb, scene.packing, scene.form
     envelope, shape = scene.envelope, scene.shape
     if absorb.rows == 0:
@@ -352,8 +352,8 @@ def quiet_ends(scene: Derived) -> str:
         return f'absorb.rows = {absorb.rows!r}: needs packing.ends = "fixed"; a periodic cell has no ends'
     if packing.rows == AUTO:
         return (
-            'packing.rows = "auto": must be a number with absorb.rows, that of the rows of the quiet ends and of those '
-            "that the wave crosses; no echo sets it"
+            'packing.rows = "auto": must be a number with absorb.rows: the quiet rows and those that the wave '
+            "crosses; no echo determines it"
         )
     if form.fills and not envelope.length:
         return (
@@ -373,7 +373,7 @@ def sources_that_move_quiet_ends(scene: Derived) -> str:
 
 @line("physics", of=(HELD,))
 def motion_lost_in_rounding(scene: Derived) -> str:
-    """Check that strikers, states and sources without a wave move spheres by more than positions are rounded."""
+    """Check that, without a wave, strikers, states and sources move spheres by more than the rounding of positions."""
     moved = scene._moved
     smallest, length = smallest_motion(scene.sphere, scene.shape)
     if moved < smallest:
@@ -387,7 +387,7 @@ def motion_lost_in_rounding(scene: Derived) -> str:
 def smallest_motion(sphere: Sphere, shape: Shape) -> tuple[float, int]:
     """Return the smallest motion that positions resolve, Δ0, and the rows or columns of the packing.
 
-    Half the packing is farther from the origin than a quarter of its length.
+    Half of the packing is farther from the origin than a quarter of its length.
     """
     length = max(shape.rows, shape.columns)
     return FEWEST_ROUNDINGS * EPSILON * length / 4 * sphere.lattice_constant / sphere.static_overlap, length

@@ -1,4 +1,4 @@
-"""Refusals of strikers, states, sources and monitors: what each is by itself, and what it is beside the crystal."""
+"""Refusals of strikers, states, sources and monitors, by themselves and together with the crystal."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -28,7 +28,7 @@ def touching_beside_a_wave(scene: Derived) -> str:
 
 @line("physics", of=ALL)
 def places_of_strikers(scene: Derived) -> str:
-    """Strikers and states have places that the packing counts."""
+    """Check that strikers and states have places in a packing of declared size."""
     at, packing = scene.start.at(), scene.packing
     for trouble in striker_troubles(scene.striker, scene.shape, scene.space):
         return trouble
@@ -61,13 +61,13 @@ def too_strong_a_strike(scene: Derived) -> str:
 
 @line("physics", of=(WAVE,))
 def nothing_shakes_a_crystal_at_rest(scene: Derived) -> str:
-    """Refuse a crystal that is neither shaken nor struck, and a phase or an envelope without a wave."""
+    """Refuse a crystal that nothing shakes or strikes, and a phase or an envelope without a wave."""
     wave, envelope, sources = scene.require_wave(), scene.envelope, scene.drives
     if scene.form.waves:
         return ""
     needed = {
         "source": (len(sources), bool(sources) or scene.struck, "at least one table [[source]], or a strike,"),
-        "wave.phase": (wave.phase, wave.phase == 0, "0, sources have phases of their own,"),
+        "wave.phase": (wave.phase, wave.phase == 0, "0 (sources have their own phases)"),
         "envelope.length": (envelope.length, envelope.length == 0, "0"),
         "envelope.width": (envelope.width, envelope.width == 0, "0"),
     }
@@ -90,7 +90,7 @@ def sources_by_themselves(scene: Derived) -> str:
         if each.sampled and samples.end(each.sampled) + each.delay < duration * (1 - samples.UNEVEN):
             return (
                 f"source {number}: signal: ends at tau = {each.sampled[-1][0] + each.delay:g} with "
-                f"{each.sampled[-1][1]:g}: must come back to 0, or last to time.duration = {duration!r}"
+                f"{each.sampled[-1][1]:g}: must return to 0, or last to time.duration = {duration!r}"
             )
     if (count := sum(len(each.sampled) for each in sources)) > samples.MOST:
         return f"source: {count} samples: must be at most {samples.MOST} in all signals together"
@@ -98,7 +98,7 @@ def sources_by_themselves(scene: Derived) -> str:
 
 
 def _troubles(source: Source, scene: Derived) -> Iterator[str]:
-    """Yield what is wrong with a source by itself."""
+    """Yield the errors of a single source."""
     shape, sphere = scene.shape, scene.sphere
     yield from place_troubles(source.rows, source.spheres, shape, source.layers)
     given = [name for name in ("motion", "force") if getattr(source, name)]
@@ -113,7 +113,7 @@ def _troubles(source: Source, scene: Derived) -> Iterator[str]:
             allowed = " or ".join(name for name, signal in SIGNALS.items() if key in signal.keys)
             yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.kind}"'
     if source.motion and scene.form.driven and source.is_in_row(0):
-        yield f"{source.places}: must not hold spheres of the first row, which is driven"
+        yield f"{source.places}: must not contain spheres of the first row, which is driven"
     if source.force and shape.holds(*source.marks(shape.columns // 2)).any():
         held = " and ".join(name for name, face in shape.faces.items() if face == HELD_FACE)
         yield f"{source.places}: must lie between the faces that are held ({held}), which feel no force"
@@ -123,14 +123,14 @@ def _troubles(source: Source, scene: Derived) -> Iterator[str]:
     largest *= 10 * LARGEST_ANGLE
     if source.force in TORQUES and source.largest > largest:
         yield (
-            f"amplitude = {source.largest!r}: must be at most {largest:.3g}: a torque that turns spheres by more "
-            f"than about {LARGEST_ANGLE:g} rad falls with the cosine of their angle"
+            f"amplitude = {source.largest!r}: must be at most {largest:.3g}: a torque that turns spheres by more than "
+            f"about {LARGEST_ANGLE:g} rad decreases with the cosine of their angle"
         )
 
 
 @line("physics")
 def long_waves_before_quiet_ends(scene: Derived) -> str:
-    """No source of a scene with quiet ends makes waves that are too long for them."""
+    """Check that sources of a scene with quiet ends make no waves that are too long for them."""
     if scene.absorb.rows == 0:
         return ""
     for number, each in enumerate(scene.source, 1):
@@ -141,22 +141,22 @@ def long_waves_before_quiet_ends(scene: Derived) -> str:
             if each.band:
                 wrong, must = f"sweep = {each.sweep!r}", "above 1/3"
             return (
-                f"source {number}: {wrong}: must be {must} with absorb.rows, as the long waves in its spectrum are "
-                "absorbed by no number of rows"
+                f"source {number}: {wrong}: must be {must} with absorb.rows, as no number of rows absorbs the long "
+                "waves in its spectrum"
             )
         lowest = min(each.band)
         if lowest < LOWEST:
             fewest = (endless - lowest) * each.cycles / (endless - LOWEST)
             return (
-                f"source {number}: cycles = {each.cycles!r}: must be at least {fewest:.4g} with absorb.rows, as "
-                f"the spectrum of a shorter {each.kind} reaches down to waves that no number of rows absorbs"
+                f"source {number}: cycles = {each.cycles!r}: must be at least {fewest:.4g} with absorb.rows, as no "
+                f"number of rows absorbs the longest waves of a shorter {each.kind}"
             )
     return ""
 
 
 @line("physics", of=ALL)
 def monitors_by_themselves(scene: Derived) -> str:
-    """Names of monitors differ, and the places that they name stay where they are."""
+    """Check that names of monitors differ, and that their places are in a packing of declared size."""
     packing, shape = scene.packing, scene.shape
     if not scene.monitor:
         return ""
@@ -168,7 +168,7 @@ def monitors_by_themselves(scene: Derived) -> str:
             return f"monitor {number}: name: missing key; must be {NameRule(str, '', '').allowed}"
         if each.name.lower() in names:
             return f"monitor {number}: name = {each.name!r}: is that of monitor {names[each.name.lower()]} too"
-        names[each.name.lower()] = number  # some file systems know no capitals
+        names[each.name.lower()] = number  # some file systems ignore case
         if each.spheres and packing.columns == AUTO:
             return f"packing.columns = {packing.columns!r}: must be a number where a monitor has single spheres"
         for trouble in place_troubles(each.rows, each.spheres, shape, each.layers):

@@ -1,4 +1,4 @@
-"""Refusals of single values that not every kind of scene can have, of the spheres and their law, and of sizes."""
+"""Refusals of values that only some kinds of scenes can have, of spheres and their laws, and of sizes."""
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.lattices import PLANE_LATTICES
@@ -9,7 +9,7 @@ from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import DISTANCE, RESCALED, SHEAR_LAWS
 from granular_lmp.scene.without_wave import NOT_HELD, WAVE
 
-FEWEST_ROWS = 4  # of the crystal of a wave
+FEWEST_ROWS = 4  # fewest rows of a crystal with a wave
 MOST_SPHERES = 10_000_000
 LINES: list[Refusal] = []
 line = joining(LINES, of=ALL)
@@ -29,7 +29,7 @@ def lattice_in_space(scene: Derived) -> str:
 def packing_left_open(scene: Derived) -> str:
     for name in ("rows", "columns", "ends", "first", "last"):
         if getattr(scene.packing, name) == AUTO:
-            return f'packing.{name} = "auto": must be declared without [wave], which alone says how large a crystal is'
+            return f'packing.{name} = "auto": must be declared without [wave], as only a wave determines it'
     return ""
 
 
@@ -68,7 +68,7 @@ def rescaled_shear(scene: Derived) -> str:
 
 @line("physics")
 def adhesion_law(scene: Derived) -> str:
-    """Check that spheres adhere whose adhesion acts beyond contact."""
+    """Check that spheres adhere if their law acts beyond an overlap of 0."""
     material, effects = scene.material, scene.effects
     law = ADHESION_LAWS[material.adhesion_law]
     if effects.parting == DISTANCE and not law.late:
@@ -79,8 +79,8 @@ def adhesion_law(scene: Derived) -> str:
     if material.work_of_adhesion == 0 or effects.adhesion is False:
         return (
             f'sphere.adhesion_law = "{material.adhesion_law}": needs sphere.work_of_adhesion above 0, J/m2, and '
-            f"effects.adhesion not false, and they are {material.work_of_adhesion!r} and {shown(effects.adhesion)}; "
-            "without adhesion the contacts are Hertz's"
+            f"effects.adhesion not false; now {material.work_of_adhesion!r} and {shown(effects.adhesion)} make Hertz "
+            "contacts"
         )
     for number, each in enumerate(scene.inclusion, 1):
         if each.work_of_adhesion == 0:
@@ -97,14 +97,14 @@ def two_models_of_damping(scene: Derived) -> str:
     if not effects.viscosity or effects.restitution == 1:
         return ""
     return (
-        f"effects.viscosity = {effects.viscosity!r} and effects.restitution = {effects.restitution!r}: two models of "
-        "damping; must be one"
+        f"effects.viscosity = {effects.viscosity!r} and effects.restitution = {effects.restitution!r}: are two models "
+        "of damping; give one of them"
     )
 
 
 @line("physics", of=AT_REST)
 def spheres_at_rest(scene: Derived) -> str:
-    """Check that something holds the lattice together, and that its static overlap and the wave's D0 are small."""
+    """Check that something holds the lattice together, and that the static overlap and D0 of the wave are small."""
     material, sphere, effects = scene.material, scene.sphere, scene.effects
     if sphere.holding_force == 0:
         return (

@@ -12,16 +12,16 @@ from granular_lmp.scene.schema import AUTO, either, shown
 from granular_lmp.scene.sections import Envelope
 from granular_lmp.scene.without_wave import WAVE
 
-FEWEST_DEVIATIONS = 6.0  # standard deviations of the envelope that a packing must hold
-FEWEST_RADIANS = 4.0  # phase of the wave in a standard deviation of a packet: 3e-5 of the packet then run backward
+FEWEST_DEVIATIONS = 6.0  # standard deviations of the envelope that must fit into a packing
+FEWEST_RADIANS = 4.0  # phase of the wave over a standard deviation of a packet: 3e-5 of the packet then runs backward
 LINES: list[Refusal] = []
 line = joining(LINES, of=(WAVE,))
 
 
 @line("physics")
 def along_a_chain(scene: Derived) -> str:
-    """Check that direction and envelope of a wave are those of the lattice."""
-    lattice = scene.wave_lattice  # raises where rows do not repeat
+    """Check that direction and envelope of a wave fit the lattice."""
+    lattice = scene.wave_lattice  # raises if rows do not repeat
     wave, envelope = scene.require_wave(), scene.envelope
     if not lattice.sheet and wave.degrees != 90:
         return f'wave.direction = {wave.direction!r}: must be "y" with packing.lattice = "{lattice.name}"'
@@ -32,7 +32,7 @@ def along_a_chain(scene: Derived) -> str:
 
 @line("not built")
 def driven_row_along_y(scene: Derived) -> str:
-    """Refuse a driven row whose wave is oblique or ends."""
+    """Refuse a driven row with an oblique or finite wave."""
     wave, length = scene.require_wave(), scene.envelope.length
     if not scene.form.driven or wave.degrees == 90 and not length:
         return ""
@@ -44,7 +44,7 @@ def driven_row_along_y(scene: Derived) -> str:
 
 @line("physics")
 def driven_row_at_an_end(scene: Derived) -> str:
-    """Refuse a driven row other than the held first one."""
+    """Refuse a driven row other than the held first row."""
     packing, shape = scene.packing, scene.shape
     if not scene.form.driven or not shape.along_y and shape.first == HELD:
         return ""
@@ -68,7 +68,7 @@ def wave_vector_and_envelope(scene: Derived) -> str:
     if axis is None and (envelope.length > 0) != (envelope.width > 0):
         return (
             f"envelope.length = {envelope.length!r} and envelope.width = {envelope.width!r}: must be both 0 or "
-            f"both above 0 in wave.direction = {wave.direction!r}, along which nothing fits a periodic cell"
+            f"both above 0 in wave.direction = {wave.direction!r}, along which no finite wave fits a periodic cell"
         )
     if envelope.offset and not envelope.length:
         return f"envelope.offset = {envelope.offset!r}: needs envelope.length above 0, rows"
@@ -95,7 +95,7 @@ def room_for_the_wave(scene: Derived) -> str:
             otherwise = ', or packing.ends = "fixed"' if declared.axis == "y" else ""
             return (
                 f'packing.{name} = "auto": no periodic cell of at most {LARGEST_CELL} {name} carries '
-                f"wave.wavenumber = {wave.wavenumber!r} to {SNAP:g}; must be a number{otherwise}"
+                f"wave.wavenumber = {wave.wavenumber!r} to {SNAP:g}; use a number{otherwise}"
             )
     if not shape.along_y and rows % 2 == 0:
         return f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row"
@@ -125,7 +125,7 @@ def room_for_the_wave(scene: Derived) -> str:
 
 @line("physics")
 def amplitude_lost_in_rounding(scene: Derived) -> str:
-    """Check that the wave is above the rounding of positions."""
+    """Check that the wave is larger than the rounding of positions."""
     amplitude = scene.amplitude
     smallest, length = smallest_motion(scene.sphere, scene.shape)
     if amplitude < smallest:

@@ -1,4 +1,4 @@
-"""Refusals of scenes without ``[wave]``, most of them of spheres that are not held at rest."""
+"""Refusals of scenes without ``[wave]``, mostly of spheres that are not held at rest."""
 
 from math import sqrt
 
@@ -14,11 +14,11 @@ from granular_lmp.scene.sections import DISTANCE, RESCALED
 from granular_lmp.scene.strikers import leads
 from granular_lmp.scene.without_wave import AT_REST, NOT_HELD
 
-# ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
+# ℓ over the rounding of the farthest position, at least; the error of velocities is then 1e-4 of the striker's
 ROUNDINGS_IN_OVERLAP = 1e4
-LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
-SMALLEST_IN_SHEET = 0.88  # times the radius: as small as disorder of the largest spread makes a sphere
-LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
+LARGEST_RATIO = 10.0  # largest ratio of radii in a chain
+SMALLEST_IN_SHEET = 0.88  # in radii: the smallest sphere that the largest allowed disorder makes
+LOOSEST = 0.04  # largest disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
 
 
 LINES: list[Refusal] = []
@@ -29,7 +29,7 @@ line = joining(LINES, of=(NOT_HELD,))
 def nothing_moves(scene: Derived) -> str:
     if scene.striker or scene.start.moves or scene.source:
         return ""
-    return "striker: missing; an impact has a table [[striker]], or a [start] in which a sphere moves"
+    return "striker: missing; an impact needs a table [[striker]], or a [start] in which a sphere moves"
 
 
 @line("not built")
@@ -45,7 +45,7 @@ def touching_without_adhesion(scene: Derived) -> str:
         return ""
     return (
         "start.touching = true: needs sphere.work_of_adhesion above 0 and packing.contact_force = 0; spheres without "
-        "adhesion just touch anyway, and those that are pressed together do not"
+        "adhesion just touch anyway, and compressed spheres cannot"
     )
 
 
@@ -55,8 +55,8 @@ def restitution_of_adhesion(scene: Derived) -> str:
     if restitution == 1 or not scene.material.work_of_adhesion:
         return ""
     return (
-        f"effects.restitution = {restitution!r}: must be 1 with sphere.work_of_adhesion above 0; LAMMPS has it for "
-        "contacts without adhesion only"
+        f"effects.restitution = {restitution!r}: must be 1 with sphere.work_of_adhesion above 0; LAMMPS has it only "
+        "for contacts without adhesion"
     )
 
 
@@ -68,7 +68,7 @@ def adhesion_beyond_the_list(scene: Derived) -> str:
         return ""
     return (
         f"sphere.work_of_adhesion = {scene.material.work_of_adhesion!r}: the contact would hold until {reach:.3g} "
-        f"radii beyond overlap 0; at most {SKIN} is allowed, where the neighbour list of LAMMPS ends"
+        f"radii beyond overlap 0; must be at most {SKIN}, where the neighbour list of LAMMPS ends"
     )
 
 
@@ -76,16 +76,14 @@ def adhesion_beyond_the_list(scene: Derived) -> str:
 def late_parting_beside_walls(scene: Derived) -> str:
     if scene.effects.parting != DISTANCE or WALL not in (scene.packing.first, scene.packing.last, scene.packing.sides):
         return ""
-    return f'effects.parting = "{DISTANCE}": must be "load" beside walls, whose contacts LAMMPS has'
+    return f'effects.parting = "{DISTANCE}": must be "load" beside walls, which the kernel lacks'
 
 
 @line("not built")
 def late_parting_of_a_law_that_the_kernel_lacks(scene: Derived) -> str:
     if scene.effects.parting != DISTANCE or scene.effects.shear_law != RESCALED:
         return ""
-    return (
-        f'effects.shear_law = "{RESCALED}": must be another with effects.parting = "{DISTANCE}", as the kernel lacks it'
-    )
+    return f'effects.shear_law = "{RESCALED}": the kernel lacks it with effects.parting = "{DISTANCE}"; use another'
 
 
 @line("physics")
@@ -96,7 +94,7 @@ def rolling_of_spheres_that_do_not_turn(scene: Derived) -> str:
         return ""
     return (
         f"effects.rolling_stiffness = {effects.rolling_stiffness!r}: needs effects.friction above 0 and "
-        "effects.rotation not false; else nothing turns a sphere"
+        "effects.rotation not false; otherwise nothing turns a sphere"
     )
 
 
@@ -138,7 +136,7 @@ def inclusion_that_adheres(scene: Derived) -> str:
 
 
 def _radius_outside(scene: Derived, low: float, high: float) -> str:
-    """Return the first radius of an inclusion or a table that is not from `low` to `high` times that of the others.
+    """Return the first radius of an inclusion or a table that is not from `low` to `high` times the usual one.
 
     It is "" if there is none.
     """
@@ -154,7 +152,7 @@ def table_of_stiffnesses(scene: Derived) -> str:
     factors = [name for name in STIFFNESSES if name in scene.packing.table.columns]
     if not factors:
         return ""
-    return f"packing.table: {factors[0]}: is of stiffnesses at rest under load; needs {AT_REST}"
+    return f"packing.table: {factors[0]}: scales stiffnesses at rest under load; needs {AT_REST}"
 
 
 @line("physics")
@@ -196,9 +194,9 @@ def vacancy_in_a_chain(scene: Derived) -> str:
         return ""
     for number, each in enumerate(scene.inclusion, 1):
         if each.vacancy:
-            return f"inclusion {number}: vacancy = true: must be false in a chain, which it would part"
+            return f"inclusion {number}: vacancy = true: must be false in a chain, which it would break"
     share = scene.disorder.vacancies
-    return f"disorder.vacancies = {share!r}: must be 0 in a chain, which they would part" if share else ""
+    return f"disorder.vacancies = {share!r}: must be 0 in a chain, which they would break" if share else ""
 
 
 @line("not built")
@@ -229,8 +227,8 @@ def restitution_of_pressed_spheres(scene: Derived) -> str:
     if not scene.packing.contact_force or scene.effects.restitution == 1:
         return ""
     return (
-        f"effects.restitution = {scene.effects.restitution!r}: must be 1 beside packing.contact_force, as it is "
-        "that of a collision of spheres that part again"
+        f"effects.restitution = {scene.effects.restitution!r}: must be 1 beside packing.contact_force, as restitution "
+        "belongs to collisions after which spheres separate"
     )
 
 
@@ -240,8 +238,8 @@ def sphere_that_meets_nothing(scene: Derived) -> str:
     if scene.shape.spheres > 1 or WALL in (packing.first, packing.last):
         return ""
     return (
-        f'packing.first = "{packing.first}": must be "wall", or packing.last, where packing.rows = 1: a single sphere '
-        "meets nothing else"
+        f'packing.first = "{packing.first}": must be "wall", or packing.last must, with packing.rows = 1: a single '
+        "sphere meets nothing else"
     )
 
 
@@ -262,14 +260,14 @@ def recorded_places(scene: Derived) -> str:
 
 
 def _fastest(scene: Derived) -> str:
-    """Return where the scene says which sphere is the fastest at the beginning, and its velocity."""
+    """Return the key that declares the fastest initial velocity, and this velocity."""
     strikes = leads(scene.striker, scene.start, scene.sphere.radius)
     begins = "start.state" if scene.start.state else "start.noise"
     return f"{'striker' if strikes else begins}: velocity = {scene.scale.velocity:.6g}"
 
 
 def _closing(scene: Derived) -> float:
-    """Return the velocity with which spheres may meet over that of the fastest; of two bodies it is along y."""
+    """Return the largest velocity with which spheres may meet, over that of the fastest; along y for two bodies."""
     if scene.shape.spheres > 2 or scene.start.noise:
         return 1.0
     along = [each.components[1] for each in scene.striker] + list(scene.start.motion[:, 4])
@@ -282,7 +280,7 @@ def _closing(scene: Derived) -> float:
 def too_deep(scene: Derived) -> str:
     rest, length = max(scene.sphere.static_overlap, scene.material.unpressed_overlap), scene.scale.length
     meets = DEEPEST * length * _closing(scene) ** 0.8
-    deepest = (rest + meets) / (2 * scene.sphere.radius)  # the force of both is that of one at most
+    deepest = (rest + meets) / (2 * scene.sphere.radius)  # the force of both together is at most that of one
     if deepest <= LARGEST_OVERLAP_RATIO:
         return ""
     pressed = f"packing.contact_force = {scene.packing.contact_force!r}"
@@ -299,7 +297,7 @@ def lost_in_rounding(scene: Derived) -> str:
     shape, farthest = scene.shape, scene.start.farthest
     rounding = EPSILON / 2 * (max(shape.rows, shape.columns) * scene.sphere.radius + farthest)
     rate = sqrt(1.5 * sqrt(scene.sphere.static_overlap / scene.scale.length))  # frequency of spheres at rest, 1/t0
-    motion = scene.scale.length / max(1.0, rate)  # ℓ, or v/ω of spheres that are pressed together
+    motion = scene.scale.length / max(1.0, rate)  # ℓ, or v/ω for spheres that are pressed together
     if motion >= ROUNDINGS_IN_OVERLAP * rounding:
         return ""
     return (

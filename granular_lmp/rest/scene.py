@@ -1,4 +1,4 @@
-"""The scene: the user's declaration, read from TOML, checked value by value, and written back with every default.
+"""Scene: the declaration of the user, read from TOML, checked value by value, and written back with every default.
 
 A scene has the tables ``[sphere]``, ``[packing]``, ``[contact]``, ``[substrate]``, ``[disorder]``, ``[wave]``,
 ``[envelope]``, ``[time]``,
@@ -9,10 +9,9 @@ A scene has the tables ``[sphere]``, ``[packing]``, ``[contact]``, ``[substrate]
 in units of the static overlap Δ0. An "auto" of the packing is decided here (`Scene.shape`), an "auto" of the physics
 in `granular_lmp.effects`.
 
-A scene without ``[wave]`` has strikers, a state or sources. Where spheres adhere, or a sheet is pressed together, they
-are at rest as beside a wave, and the units are those of a wave. Spheres that just touch, a sheet of spheres with gaps
-and a compressed chain are not (`granular_lmp.rest.holding`): times are in t0 of the impact
-(`granular_lmp.crystal.scale`).
+A scene without ``[wave]`` has strikers, a state or sources. Spheres that adhere, or a sheet that is pressed together,
+are held at rest, and the units are those of a wave. Spheres that just touch, a sheet with gaps, and a compressed chain
+are not held (`granular_lmp.rest.holding`); their times are in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -64,24 +63,23 @@ __all__ = ["Scene"]
 
 @dataclass(frozen=True, repr=False, init=False)
 class Scene(HasCard, Derived):
-    """One simulation: spheres, packing and its imperfections, wave and its envelope, time, effects and output.
+    """Simulation: spheres, packing and its imperfections, wave and its envelope, time, effects and output.
 
-    `material` is the table ``[sphere]`` as declared; `sphere` is the sphere of the deck: pressed by
-    ``packing.contact_force``, and without work of adhesion if ``effects.adhesion`` is off.
+    `material` is the table ``[sphere]`` as declared. `sphere` is the sphere of the deck, which includes
+    ``packing.contact_force`` and has no work of adhesion if ``effects.adhesion`` is off.
 
     Raises
     ------
     SceneError
         If the values contradict each other: nothing holds the lattice together, even rows between fixed ends, odd
         rows in a periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap
-        that is not small, D0 beyond R/10, snapshots that fall between two records; without a wave what
-        `granular_lmp.rest.refusals` lists.
+        that is not small, D0 beyond R/10, or snapshots between two records. `granular_lmp.rest.refusals` lists all
+        cases.
 
     Notes
     -----
-    A scene is frozen: `with_values` returns a copy with other values, `replace` one with other tables, and so does
-    `dataclasses.replace`, which takes records as they are: their ranges are not checked, and a frequency is not solved
-    for again::
+    A scene is frozen: `with_values` returns a copy with other values, and `replace` one with other tables.
+    `dataclasses.replace` takes records without checks of their ranges, and does not solve for a frequency again::
 
         Scene(
             sphere=Sphere(5e-7, 73e9, 0.17, 0.063, 2200.0),
@@ -148,13 +146,13 @@ class Scene(HasCard, Derived):
         }
         if material is None:
             made = self.from_dict(self._plain_tables(tables))
-        else:  # all fields of a scene, some of them changed
+        else:  # all fields of a scene, some of which are changed
             made = self._of_fields(tables | {"material": tables.pop("sphere") or material})
         self.__dict__.update(made.__dict__)
 
     @classmethod
     def _of_fields(cls, values: Mapping[str, Any]) -> Self:
-        """Return the scene of its fields, whose combination is checked here."""
+        """Return the scene with these fields, after a check of their combination."""
         scene = cls._unchecked(values)
         refuse(scene, scene._variant)
         return scene
@@ -172,11 +170,11 @@ class Scene(HasCard, Derived):
         Parameters
         ----------
         source : path
-            File, folder, or name of a folder or a collision of ``lammps_inputs``. A scene that declares no name takes
-            the stem of the file, or the name of the folder of its ``scene.toml``.
+            File, folder, or name of a folder or a collision of ``lammps_inputs``. A scene that declares no name is
+            named after the stem of the file, or after the folder of its ``scene.toml``.
         changes : mapping, optional
-            Values of dotted keys, as for `with_values`, that replace those of the file before any is checked. A key of
-            a collision's file changes the collision.
+            Values of dotted keys, as for `with_values`, that replace values in the file before any check. Keys of a
+            collision change the collision.
 
         Raises
         ------
@@ -195,7 +193,7 @@ class Scene(HasCard, Derived):
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
-        """Return the scene of nested mappings, as `to_dict` gives them, or of those of a `Collision`."""
+        """Return the scene that nested mappings declare (see `to_dict`); they may be those of a `Collision`."""
         if "collision" in tables:
             from granular_lmp.scene.collision import Collision  # kept out of start-up
 
@@ -204,13 +202,13 @@ class Scene(HasCard, Derived):
 
     @classmethod
     def _located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Return the tables with signals, a state and spheres that are in files, relative to the current folder."""
+        """Return the tables with names of files (signals, a state, spheres) relative to the current folder."""
         tables, sources = located_table(located_state(tables, folder), folder), tables.get("source")
         return tables | {"source": [located(each, folder) for each in sources]} if isinstance(sources, list) else tables
 
     @classmethod
     def changed(cls, tables: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return tables, checked or not, with values of dotted keys in place of theirs; those of a collision first."""
+        """Return tables, checked or not, with the values of dotted keys replaced; keys of a collision come first."""
         if "collision" in tables:
             from granular_lmp.scene.collision import Collision  # kept out of start-up
 
@@ -219,13 +217,13 @@ class Scene(HasCard, Derived):
             tables = {key: table for key, table in made.items() if key != "name" or key in tables}
             changes = {key: value for key, value in changes.items() if key not in own}
         part = [key for key in changes if key in cls.layout.exclusive["wave.wavevector"]]
-        if part and "wave.wavevector" not in changes:  # what is not changed of the vector stays
+        if part and "wave.wavevector" not in changes:  # parts of the vector that are not changed remain
             tables = dict(without_wavevector(tables))
         return super().changed(tables, changes)
 
     @classmethod
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
+        """Return the tables with a wave vector as number and direction; refuse a step together with a tolerance."""
         refuse_step_beside_tolerance(tables)
         return with_placeholder(without_wavevector(super()._completed(_with_quiet_rows(tables))))
 
@@ -235,7 +233,7 @@ class Scene(HasCard, Derived):
 
     @classmethod
     def _solved(cls, records: dict[str, Any]) -> dict[str, Any]:
-        """Return the records with the smallest wave number at which the wave has its frequency, if that is declared."""
+        """Return the records with the smallest wave number at a declared frequency."""
         wave = records.get("wave")
         if wave is None or wave.frequency is None:
             return records
@@ -248,8 +246,8 @@ class Scene(HasCard, Derived):
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values with every default; either the time step or the tolerance, as declared.
 
-        The adhesion law is written only if it is not the default, so that scene files of earlier versions stay equal,
-        and so is ``[output]`` without a wave.
+        The adhesion law, and ``[output]`` without a wave, are left out if they are the default, so that scene files of
+        earlier versions do not change.
         """
         tables = super().to_dict()
         if self.material.adhesion_law == Sphere.adhesion_law:
@@ -262,7 +260,7 @@ class Scene(HasCard, Derived):
 
     @classmethod
     def _plain_tables(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return tables of records as nested plain values; a tolerance or a frequency stands alone, as in a file."""
+        """Return tables of records as plain values, without the keys that a tolerance or a frequency replaces."""
         pairs = {
             key: _without_replaced(without_defaults(tables[key], cls.layout.differing(key)))
             for key in ("time", "wave")
@@ -271,9 +269,9 @@ class Scene(HasCard, Derived):
         return super()._plain_tables({**tables, **pairs})
 
     def departures(self) -> dict[str, Any]:
-        """Return every value that is not its key's default, by dotted key; keys without a default are always there.
+        """Return every value that differs from the default, by dotted key; keys without a default are always included.
 
-        The description, which changes nothing of a run, is not.
+        The description, which has no effect on a run, is not included.
         """
         found: dict[str, Any] = {}
         for section in (each for each in fields(self) if each.name != "description"):
@@ -298,7 +296,7 @@ class Scene(HasCard, Derived):
 
 
 def _with_quiet_rows(tables: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return tables of a scene whose quiet ends have as many rows as they need, where these are not declared."""
+    """Return tables of a scene in which quiet ends have "auto" rows unless rows are declared."""
     packing, absorb = tables.get("packing"), tables.get("absorb", {})
     if not isinstance(packing, Mapping) or QUIET not in (packing.get("first"), packing.get("last")):
         return tables
@@ -306,7 +304,7 @@ def _with_quiet_rows(tables: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _without_replaced(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return ``[time]`` or ``[wave]`` without the step beside a tolerance, or the wave number beside a frequency."""
+    """Return ``[time]`` or ``[wave]`` without the step that a tolerance, or the number that a frequency, replaces."""
     kept = dict(table)
     for key, other in (("tolerance", "timestep"), ("frequency", "wavenumber")):
         kept.pop(key if kept.get(key) is None else other, None)

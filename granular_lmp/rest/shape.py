@@ -1,9 +1,9 @@
-"""The size of a packing: rows, columns and ends that a scene leaves to "auto".
+"""Size of a packing: rows, columns and ends that a scene leaves to "auto".
 
-The time of a run is proportional to spheres times steps, so "auto" takes the fewest spheres that give the same answer.
-A plane wave along y moves all spheres of a row alike: the fewest columns that LAMMPS simulates correctly stand for any
-number. Between fixed ends the walls must be farther from the centre than the wave travels; a periodic cell has no
-walls, but carries only phase advances of 2πk/rows and 2πk/columns.
+The time of a run is proportional to spheres times steps, so "auto" takes the fewest spheres with the same result. A
+plane wave along y moves all spheres of a row alike, so the fewest columns that LAMMPS simulates correctly are enough.
+Between fixed ends the walls must be farther from the centre than the wave travels; a periodic cell has no walls, but
+carries only phase advances of 2πk/rows and 2πk/columns.
 """
 
 from math import ceil, floor
@@ -15,9 +15,9 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene.schema import AUTO, Auto
 from granular_lmp.scene.sections import Packing
 
-# This is for lattices of one layer; `Lattice.fastest` is for any
+# For lattices of one layer; `Lattice.fastest` is for any lattice
 FASTEST_ROWS_PER_TAU = FASTEST_IN_PLANE
-# An "auto" periodic cell is the smallest with a 2πk/N this close to the phase advance, rad.
+# rad: an "auto" periodic cell is the smallest with a 2πk/N this close to the phase advance
 SNAP = 1e-3
 LARGEST_CELL = 200  # rows or columns, in addition to those of an envelope
 EXACT = 1e-12  # rad: rounding of 2πk/N
@@ -56,13 +56,12 @@ def decide(
 ) -> Shape:
     """Return rows, columns and faces of a packing with every "auto" decided.
 
-    ``columns = "auto"`` or 1 is `Lattice.fewest_columns` for a plane wave along y, in which all of a row move alike;
-    in another direction it is the fewest that carry the wave to 1e-3 rad. Between fixed ends ``rows = "auto"`` is the
-    fewest whose echo reaches the centre after the run, and in a periodic cell the fewest that carry the wave to
-    1e-3 rad. ``ends = "auto"`` is fixed where `first` or `last` is declared, else it follows from the number of rows.
-    If that is "auto" too, the cell is periodic if one with
-    fewer rows than the strip carries the wave exactly, and has fixed ends otherwise. A wave that is not along y gets a
-    periodic cell; a driven wave and a packet along y get fixed ends.
+    ``columns = "auto"`` or 1 means `Lattice.fewest_columns` for a plane wave along y; in another direction it means the
+    fewest that carry the wave to 1e-3 rad. ``rows = "auto"`` means, between fixed ends, the fewest rows whose echo
+    reaches the centre after the run, and in a periodic cell the fewest that carry the wave to 1e-3 rad. ``ends =
+    "auto"`` means fixed if `first` or `last` is declared; otherwise it follows from the number of rows. If that is
+    "auto" too, the cell is periodic if it carries the wave exactly with fewer rows than the strip, and has fixed ends
+    otherwise. A wave that is not along y gets a periodic cell; a driven wave and a packet along y get fixed ends.
 
     Parameters
     ----------
@@ -80,7 +79,7 @@ def decide(
     first, last, sides
         Faces as declared.
     layers
-        As declared; "auto" is 1, and in a crystal that is periodic along z `Lattice.fewest_layers`.
+        As declared; "auto" is 1, or `Lattice.fewest_layers` in a crystal that is periodic along z.
 
     Returns
     -------
@@ -110,7 +109,7 @@ def decide(
         rows = quiet if ends == "fixed" else smallest_cell(vector.per_row, SNAP, cells)
     if columns == AUTO and not lattice.sheet:
         columns = 1
-    # Scenes of earlier releases say 1 for a plane wave, whose columns are all alike
+    # Scenes of earlier releases have 1 column for a plane wave, whose columns are all alike
     if columns == 1 and sides == PERIODIC:
         columns = lattice.fewest_columns
     if columns == AUTO:
@@ -122,7 +121,7 @@ def decide(
 
 
 def _layers(layers: int | Auto, lattice: Lattice) -> int:
-    """Return the layers of a packing: "auto" is 1, in a crystal that is periodic along z the fewest."""
+    """Return the layers of a packing; "auto" is 1, or the fewest in a crystal that is periodic along z."""
     if layers != AUTO:
         return int(layers)
     return lattice.fewest_layers if lattice.solid and not lattice.film else 1
@@ -135,23 +134,24 @@ def declared_shape(packing: Packing, lattice: Lattice) -> Shape:
 
 
 def _closed(face: str) -> str:
-    """Return what is at a face: a held row at a quiet end, and at one that is left to "auto"."""
+    """Return the kind of a face; a quiet end and "auto" have a held row."""
     return HELD if face in (AUTO, QUIET) else face
 
 
 def echo_time(rows: int, fastest: float = FASTEST_ROWS_PER_TAU, *, driven: bool = False) -> float:
     """Return the time τ at which the echo of the walls reaches the centre of a strip of this many rows.
 
-    A wall disturbs the wave from τ = 0 on, and the disturbance runs at most `fastest` rows per τ. Ahead of that front
-    the lattice response falls like an Airy function of width d^{1/3} rows after d rows; 3.5 widths ahead it is below
-    1e-6 of the wave. If the first row drives the wave, the echo comes from the other end, which it reaches first.
+    A wall disturbs the wave from τ = 0 on, and the disturbance travels at most `fastest` rows per τ. Ahead of this
+    front the response of the lattice decays like an Airy function of width d^{1/3} rows after d rows; 3.5 widths ahead
+    it is below 1e-6 of the wave. If the first row drives the wave, the echo comes from the other end after the wave has
+    reached it.
     """
     distance = (rows - 1) // 2 + (rows - 1 if driven else 0)
     return arrival_time(distance, fastest)
 
 
 def arrival_time(distance: float, fastest: float = FASTEST_ROWS_PER_TAU) -> float:
-    """Return the time τ after which a disturbance is felt at a distance in rows, by the rule of `echo_time`."""
+    """Return the time τ after which a disturbance arrives at a distance in rows, by the rule of `echo_time`."""
     return max(0.0, distance - 3.5 * distance ** (1 / 3)) / fastest
 
 
@@ -160,7 +160,7 @@ def quiet_rows(duration: float, fastest: float = FASTEST_ROWS_PER_TAU, *, driven
     share = 3 if driven else 1
     rows = 2 * ceil(fastest * duration / share) + 1
     while echo_time(rows, fastest, driven=driven) < duration:
-        # A part of the added distance is lost to the wider front, hence the loop
+        # The wider front takes a part of the added distance, hence the loop
         rows += 2 * max(1, floor(fastest * (duration - echo_time(rows, fastest, driven=driven)) / share))
     return max(rows, 5)
 

@@ -1,4 +1,4 @@
-"""The third dimension of a scene: its lattice with orientation and layers, and its walls."""
+"""Third dimension of a scene: its lattice with orientation and layers, and its walls."""
 
 from dataclasses import replace
 
@@ -14,12 +14,12 @@ from granular_lmp.scene.sections import Effects, Packing
 
 
 def lattice_of(packing: Packing, substrate: Substrate | None) -> Lattice:
-    """Return the lattice of a packing; of a film with all its layers in one cell.
+    """Return the lattice of a packing; a film has all its layers in one cell.
 
     Raises
     ------
     SceneError
-        If orientation, layers or faces along z are not those of the lattice.
+        If orientation, layers or faces along z do not fit the lattice.
     """
     known = orientations_of(packing.lattice)
     if not known:
@@ -42,7 +42,7 @@ def lattice_of(packing: Packing, substrate: Substrate | None) -> Lattice:
     if layers < lattice.fewest_layers or layers % lattice.layer_period:
         raise SceneError(
             f"packing.layers = {layers}: must be a multiple of {lattice.layer_period}, at least "
-            f'{lattice.fewest_layers}, in a crystal that is periodic along z; packing.depth = "free" has any number',
+            f'{lattice.fewest_layers}, in a crystal that is periodic along z; packing.depth = "free" allows any number',
             because="physics",
         )
     return lattice
@@ -54,7 +54,7 @@ def _of_one_layer(packing: Packing) -> Lattice:
         if (value := getattr(packing, key)) not in allowed:
             raise SceneError(
                 f'packing.{key} = {shown(value)}: must be left out with packing.lattice = "{packing.lattice}", which '
-                "is one layer; cubic, fcc and hcp have layers",
+                "has one layer; cubic, fcc and hcp have layers",
                 because="physics",
             )
     return LATTICES[packing.lattice]
@@ -66,7 +66,7 @@ def space_of(packing: Packing, lattice: Lattice, substrate: Substrate | None) ->
     Raises
     ------
     SceneError
-        If a scene in the plane has something out of it.
+        If a scene in the plane has something outside the plane.
     """
     out_of_plane = "[substrate]" if substrate else f'packing.lattice = "{packing.lattice}"' if lattice.solid else ""
     if packing.space == 2 and out_of_plane:
@@ -77,14 +77,14 @@ def space_of(packing: Packing, lattice: Lattice, substrate: Substrate | None) ->
 
 
 def remarks_on_space(lattice: Lattice, substrate: Substrate | None, space: int) -> list[str]:
-    """Return a sentence for a layer that nothing holds out of its plane."""
+    """Return a note on a layer that nothing holds along z."""
     if space == 2 or lattice.solid or substrate:
         return []
-    return ["nothing holds the layer along z: motions out of its plane have the frequency 0 where contacts only turn"]
+    return ["nothing holds the layer along z: motions out of its plane have frequency 0 if they only turn contacts"]
 
 
 def wall_of(material: Sphere, substrate: Substrate | None, effects: Effects) -> Wall | None:
-    """Return the walls of a scene, None without a substrate.
+    """Return the walls of a scene; None without a substrate.
 
     Raises
     ------
@@ -106,10 +106,10 @@ def wall_of(material: Sphere, substrate: Substrate | None, effects: Effects) -> 
 
 
 def substrate_trouble(material: Sphere, substrate: Substrate | None, effects: Effects) -> str:
-    """Return what is wrong if nothing holds the spheres on a substrate; "" if there is none, or they adhere."""
+    """Return the error if nothing holds the spheres on a substrate; "" if they adhere or there is no substrate."""
     if substrate is None or material.work_of_adhesion and effects.adhesion is not False:
         return ""
     return (
         f"substrate.work_of_adhesion = {substrate.work_of_adhesion!r}: needs sphere.work_of_adhesion above 0 and "
-        "effects.adhesion not false, as adhesion alone holds spheres on the substrate"
+        "effects.adhesion not false, as only adhesion holds spheres on the substrate"
     )

@@ -1,4 +1,4 @@
-"""Rules for the time step, which a declared step and the first run to a tolerance both follow."""
+"""Rules for the time step, for a declared step and for the first run to a tolerance."""
 
 from collections.abc import Iterable
 from math import inf
@@ -7,25 +7,25 @@ from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.sections import Sampled
 
-# A mode at this share of the limit of stability has an amplitude 1/√(1 − share²) = 1.4 times too large; spheres of an
-# impact may come to press each other deeper on their way
+# A mode at this share of the stability limit has an amplitude 1/√(1 − share²) = 1.4 times too large; the rest is a
+# margin for spheres of an impact that later overlap more deeply
 COARSEST = 0.7
-STEPS_IN_COLLISION = 10.0  # The shortest collision has at least as many; the velocities then err by 3 %
-LONGEST_STEP = 0.5  # A step takes at most this share of 1/ω of the stiffest contact; a collision then has ten
+STEPS_IN_COLLISION = 10.0  # Fewest steps in the shortest collision; the error of velocities is then 3 %
+LONGEST_STEP = 0.5  # Longest step over 1/ω of the stiffest contact; a collision then has ten steps
 
 
 @dataclass(frozen=True)
 class StepRule:
-    """A rule for the time step of a scene.
+    """Rule for the time step of a scene.
 
     Attributes
     ----------
     longest : float
-        The longest step that it allows, in units of the scene's time.
+        Longest allowed step, in units of the time of the scene.
     first : float
-        The longest step with which the runs for a tolerance may begin.
+        Longest step with which runs to a tolerance may begin.
     sentence : str
-        What is wrong with a longer step, and what to do.
+        Error of a longer step, and the remedy.
     """
 
     longest: float
@@ -34,7 +34,7 @@ class StepRule:
 
 
 def refuse_step(time: Sampled, rules: Iterable[StepRule]) -> None:
-    """Raise a SceneError if a declared time step breaks a rule."""
+    """Raise SceneError if a declared time step breaks a rule."""
     step = time.clock.of_answer
     for rule in rules:
         if step > rule.longest:
@@ -47,11 +47,12 @@ def rules_of_collisions(collision: float, rate: float, drag: float = 0.0) -> lis
     Parameters
     ----------
     collision : float
-        The shortest collision of two neighbours, t0.
+        Shortest collision of two neighbours, t0.
     rate : float
-        ω of the stiffest contact at the beginning, 1/t0; 0 if all just touch.
+        ω of the stiffest contact at the beginning, 1/t0; 0 if all spheres just touch.
     drag : float
-        Rate at which dashpots slow a motion, 1/t0. A step of 2 would make it grow, as they take its last velocity.
+        Rate at which dashpots slow a motion, 1/t0. Since dashpots use the last velocity, the motion would grow if rate
+        × step is 2 or more.
     """
     few, stiff, slow = collision / STEPS_IN_COLLISION, *(LONGEST_STEP / each if each else inf for each in (rate, drag))
     return [

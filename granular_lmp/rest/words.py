@@ -1,4 +1,4 @@
-"""A scene in words, for titles and for errors: each function takes the tables that it speaks of."""
+"""Scene in words, for titles and errors; each function takes the tables that it describes."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from granular_lmp.scene.strikers import Striker, fastest_striker
 
 
 def imperfections(disorder: Disorder, inclusions: Sequence[Inclusion], table: SphereTable = NO_TABLE) -> str:
-    """Return imperfections in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
+    """Return imperfections in words, such as "radius 0.0001, seed 1, 2 inclusions"; "" in a perfect lattice."""
     spread = {"radius": disorder.radius, "density": disorder.density, "vacancies": disorder.vacancies}
     spread |= {"stiffness": disorder.stiffness}
     words = [f"{name} {value!r}" for name, value in spread.items() if value]
@@ -26,29 +26,29 @@ def imperfections(disorder: Disorder, inclusions: Sequence[Inclusion], table: Sp
 
 
 def shaken(sources: Sequence[Source], strikers: Sequence[Striker], start: Start, wave: Wave | None) -> str:
-    """Return the count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
+    """Return words for the number of sources and strikers, to stand before the wave; "" if there are none."""
     counts = {"source": len(sources), "striker": len(strikers), "state": bool(start.state)}
     said = [f"{count:d} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
     said += ["noise"] if start.noise else []
-    return " and ".join(said) + (" beside " if wave and wave.known.waves else " in units of ") if said else ""
+    return " and ".join(said) + (" beside " if wave and wave.known.waves else ", in units of the ") if said else ""
 
 
 def across(wave: Wave | None, sources: Sequence[Source], start: Start) -> str:
-    """Return the first key that moves spheres across y or turns them, with its value; "" if all moves along y."""
+    """Return the first key, with its value, that moves spheres across y or turns them; "" if there is none."""
     plain = wave is None or not wave.known.waves or wave.mode == "L"
     words = [] if plain or wave is None else [f"wave.mode = {wave.mode!r}"]
     for number, each in enumerate(sources, 1):
         kind = "motion" if each.motion else "force"
         words += [] if getattr(each, kind) == "y" else [f"source {number}: {kind} = {getattr(each, kind)!r}"]
-    # Strikers and states that move spheres across a chain are refused in any
+    # Strikers and states that move spheres across a chain are refused in any scene
     words += ["start.state: a spin above 0"] if start.motion[:, 6:].any() else []
     return next(iter(words), "")
 
 
 def of_strikes(shape: Shape, held: str, strikers: Sequence[Striker], start: Start, sources: Sequence[Source]) -> str:
-    """Return size and start of a scene without a wave: "a chain of 60 spheres that just touch, struck at 1 m/s".
+    """Return size and start of a scene without a wave: "a chain of 60 spheres …, struck at 1 m/s".
 
-    `held` is what `held_by` returns.
+    `held` is the result of `held_by`.
     """
     size = (
         f"a chain of {shape.rows} spheres"
@@ -69,7 +69,7 @@ def moved(strikers: Sequence[Striker], start: Start, sources: Sequence[Source]) 
 
 
 def held_by(sphere: Sphere, gaps: float) -> str:
-    """Return what holds spheres together in words: "that adhere", "that just touch"; `gaps` is their disorder."""
+    """Return words for the hold of spheres: "that adhere", "that just touch"; `gaps` is their disorder."""
     if gaps:
         return f"with gaps (disorder.radius = {gaps:g})"
     pressed = [f"pressed together by {sphere.contact_force:.6g} N"] if sphere.contact_force else []

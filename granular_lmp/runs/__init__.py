@@ -1,1 +1,1 @@
-"""Runs: one deck in one run folder, from the launch to the record."""
+"""Runs: a deck in its run folder, from the launch to the record."""

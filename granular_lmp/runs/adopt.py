@@ -1,8 +1,8 @@
-"""Make a run folder of what plain ``lmp`` left of a deck: its dump, its log, the deck, and the scene beside it.
+"""Make a run folder from a run of plain ``lmp``: its dump, its log, the deck, and the scene beside it.
 
-What ``-var`` made of the variables is read from the log, where the deck prints them. What the files do not say is never
-guessed: it is asked for by name. The record is held against the scene: at its first moment the centre sphere must be
-where the wave of the scene puts it.
+The deck prints its variables, so the log has their values after ``-var``. What the files do not contain is never
+guessed: an error asks for it by name. The record must fit the scene: the centre sphere must begin where the wave of the
+scene puts it.
 """
 
 import re
@@ -20,6 +20,7 @@ from granular_lmp.effects.case import Case
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.datafile import differences, read
 from granular_lmp.lammps.deck import Deck, data_of, deck_of, written_text
+from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.lammps.guard_results import seen_every
 from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
@@ -51,8 +52,8 @@ _KEYS = {
 _FRICTION = "effects.friction"
 _GRID = re.compile(r"^ *(\d{1,6}) by (\d{1,6}) by (\d{1,6}) MPI processor grid$", re.MULTILINE)
 _DATA = re.compile(r"^read_data +([^\s$]+)", re.MULTILINE)
-_SAME = 1e-9  # relative, of a number that was written with 17 digits and read back
-_PLACED = 1e-6  # D0: LAMMPS puts a sphere to 1e-10 of where the wave has it; another amplitude is off by far more
+_SAME = 1e-9  # relative error of a number that was written with 17 digits and read back
+_PLACED = 1e-6  # D0: LAMMPS puts a sphere within 1e-10 of its place in the wave; another amplitude differs by far more
 
 
 def adopt(
@@ -63,32 +64,33 @@ def adopt(
     changes: Mapping[str, Any] | None = None,
     force: bool = False,
 ) -> Record:
-    """Make a run folder of what plain ``lmp`` left in `source`, which is not touched, and return its record.
+    """Make a run folder from a run of plain ``lmp`` in `source`, which does not change, and return its record.
 
     Parameters
     ----------
     source : path
-        Holds ``log.lammps``, ``in.NAME``, and the dump of the centre sphere, or of the spheres that the scene records.
+        Folder with ``log.lammps``, ``in.NAME``, and the dump of the centre sphere, or of the spheres that the scene
+        records.
     folder : path, optional
-        The run folder; ``runs/NAME`` when not given.
+        Run folder; default ``runs/NAME``.
     scene : Scene, optional
-        The scene of the deck, where `source` holds no ``scene.toml``.
+        Scene of the deck, if `source` holds no ``scene.toml``.
     changes : mapping, optional
-        Values of the scene that the log does not say, by dotted keys.
+        Values of the scene that the log does not contain, by dotted keys.
     force : bool
         Replace the files of an earlier run in `folder`.
 
     Raises
     ------
     RunFolderError
-        When a file is missing, the log does not say the variables and `changes` does not either, or the record does
-        not begin as the scene does.
+        If a file is missing, if neither the log nor `changes` has the variables, or if the record does not begin like
+        the scene.
     SceneError
-        For a scene that cannot be, or has a tolerance.
+        If the scene is invalid or has a tolerance.
     LammpsError
-        For a record or a log that is not complete.
+        If the record or the log is incomplete.
     EffectError
-        When an effect that the deck leaves out was there.
+        If an effect that the deck leaves out occurred.
     """
     source = absolute(source)
     declared = scene or _scene(source, changes)
@@ -99,8 +101,8 @@ def adopt(
         wave, time = declared.wave, declared.time
         one = f"time.duration = {time.duration!r}" if wave is None else f"wave.amplitude = {wave.amplitude!r}"
         raise RunFolderError(
-            f"{source / LOG}: does not say its variables, as decks of waves do; give what differs from the scene by "
-            f"changes={{KEY: VALUE}}, or one value as it is, {one}"
+            f"{source / LOG}: does not print its variables, unlike decks of waves; give the values that differ from "
+            f"the scene with changes={{KEY: VALUE}}, or one unchanged value, {one}"
         )
     declared.time.clock.refuse_ladder("a deck has one time step; give time.timestep")
     values = said or {}
@@ -181,7 +183,7 @@ def _at(tables: Mapping[str, Any], key: str) -> float:
 
 
 def _friction(scene: Scene) -> float:
-    """Return the friction that the deck of a scene has by itself."""
+    """Return the default friction in the deck of a scene."""
     problem = prepare(scene)
     return Case(problem.scene, problem.on).friction
 
@@ -191,7 +193,7 @@ def _same(value: float, other: float) -> bool:
 
 
 def _refuse_other_beginning(source: Path, dump: str, problem: Problem) -> None:
-    """Raise RunFolderError unless the recorded spheres begin as the scene has them."""
+    """Raise RunFolderError unless the recorded spheres begin as in the scene."""
     record = Record.from_dump(source, problem.scene, dump)
     if not len(record.tau) or record.tau[0] != 0:
         raise RunFolderError(f"{source / dump}: does not begin at tau = 0")
@@ -211,7 +213,7 @@ def _of_wave(record: Record, dump: Path, problem: Problem, wave: BlochWave) -> N
         expected = np.array([scene.vector.along(ux, uy), scene.vector.across(ux, uy)])
     found = np.array([record.p[0], record.q[0]])
     unit = scene.amplitude * scene.sphere.static_overlap
-    rounding = 8 * np.finfo(float).eps * scene.sphere.radius / unit  # that of a position next to the origin, in D0
+    rounding = 8 * np.finfo(float).eps * scene.sphere.radius / unit  # rounding of a position next to the origin, in D0
     if np.abs(found - expected).max() > _PLACED + rounding:
         raise RunFolderError(
             f"{dump}: begins with p, q = {found[0]:.6g}, {found[1]:.6g} D0, but the wave of the scene with "
@@ -238,9 +240,9 @@ def _of_strikes(record: Record, dump: Path, problem: Problem) -> None:
 
 
 def _deck(source: Path, begun: Problem, problem: Problem, log: str) -> Deck:
-    """Return the deck of what was run, with its own text and spheres where the files are not those of the scene.
+    """Return the deck of the run, with the text and spheres of the files if they differ from those of the scene.
 
-    `begun` is the problem before -var, of which the files are.
+    `begun` is the problem before -var, to which the files belong.
     """
     deck = deck_of(problem)
     text = _text(source / f"in.{begun.scene.name}")
@@ -248,7 +250,7 @@ def _deck(source: Path, begun: Problem, problem: Problem, log: str) -> Deck:
     data = read(source / names[-1])
     return replace(
         deck,
-        input_text=deck.input_text if text == written_text(begun) else text,
+        input_text=text if differing_lines(written_text(begun), text) else deck.input_text,
         data=deck.data if not differences(data_of(begun), data) else data,
     )
 

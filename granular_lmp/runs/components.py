@@ -1,4 +1,4 @@
-"""Components of the motion of spheres, by name: u, v and φ in the plane; in space u, v, w and φ about each axis."""
+"""Components of the motion of spheres by name: u, v and φ in the plane; u, v, w and φ about each axis in space."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +8,13 @@ MOTION = {2: ("u", "v", "phi"), 3: ("u", "v", "w", "phix", "phiy", "phiz")}  # b
 NAMES = (*MOTION[2], *MOTION[3][2:])
 RATES = tuple(f"{name}_t" for name in NAMES)
 _VECTORS = ("shear", "rolling")
-FORCES = ("normal", *(f"{name}{axis}" for name in _VECTORS for axis in ("", "_x", "_y", "_z")))  # contacts have these
+FORCES = ("normal", *(f"{name}{axis}" for name in _VECTORS for axis in ("", "_x", "_y", "_z")))  # axes of contacts
 
 
 def components(displacement: Floats, rotation: Floats) -> dict[str, Floats]:
-    """Return displacement (..., 2) and rotation (...), in space both (..., 3), by component, (...) each.
+    """Return displacement (..., 2) and rotation (...), in space (..., 3) each, as components (...) by name.
 
-    Velocity and spin have the same names.
+    Velocity and spin use the same names.
     """
     moves = np.moveaxis(displacement, -1, 0)
     turns = [rotation] if len(moves) == 2 else np.moveaxis(rotation, -1, 0)
@@ -27,7 +27,7 @@ def rates(velocity: Floats, spin: Floats) -> dict[str, Floats]:
 
 
 def by_axis(name: str, values: Floats) -> dict[str, Floats]:
-    """Return a quantity by name: NAME of numbers (T, C), NAME_x, NAME_y, NAME_z of vectors (T, C, 3)."""
+    """Return a quantity by name: NAME for numbers (T, C); NAME_x, NAME_y, NAME_z for vectors (T, C, 3)."""
     if values.ndim == 2:
         return {name: values}
     return {f"{name}_{axis}": each for axis, each in zip("xyz", np.moveaxis(values, -1, 0), strict=True)}

@@ -1,4 +1,4 @@
-"""Forces of contacts over time, between spheres and with walls, as a monitor records them."""
+"""Forces of contacts over time, between spheres and with walls, from the record of a monitor."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,28 +11,28 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Contacts of the spheres of a monitor over time, with each other and with walls: all that touched at any time.
+    """Contacts of the spheres of a monitor over time, with spheres and walls: all that existed at any time.
 
-    Forces are nan at a time of which a killed run has recorded the motion and not the contacts.
+    Forces are nan at times when a killed run recorded the motion but not the contacts.
 
     Attributes
     ----------
     i, j : (C,) int arrays
-        Indices of the two spheres in the crystal, i < j; j is −1 of a contact with a wall.
+        Indices of the two spheres in the crystal, i < j; j is −1 for a contact with a wall.
     vector : (T, C, 2) array, in space (T, C, 3)
         From the centre of i to that of j, or to the foot point on the wall, in R; nan while they do not touch.
     normal : (T, C) array
-        Force along n = vector/|vector| on j, in k1 D0: positive where it pushes the two apart; 0 while they do not
-        touch. It holds the static force, which is 0 in an adhesive crystal that nothing presses.
+        Force along n = vector/|vector| on j, in k1 D0: positive if repulsive; 0 while they do not touch. It includes
+        the static force, which is 0 in an adhesive crystal without a load.
     shear : (T, C) array, in space (T, C, 3)
         Force on j along t = ẑ × n, n turned by +90°, in k1 D0; in space the force across n as a vector.
     overlap : (T, C) array
         In Δ0; nan while they do not touch.
     rolling : (T, C) array, in space (T, C, 3)
-        Torque of the roll on j about z, in k1 D0 R, and its opposite on i; 0 where contacts roll freely. In space a
-        vector. Walls resist none.
+        Rolling torque on j about z, in k1 D0 R, and its opposite on i; 0 if contacts roll freely. In space a vector.
+        Walls do not resist rolling.
     wall : (C,) str array
-        Face of the wall, "ylo" for the one below along y, as the fixes of the deck; "" between two spheres.
+        Face of the wall, such as "ylo" for the lower end along y, as in the fixes of the deck; "" between two spheres.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class ContactForces:
 
     @property
     def force(self) -> Floats:
-        """Force on j, (T, C, 2) or in space (T, C, 3), in k1 D0; that on i is its opposite."""
+        """Force on j, (T, C, 2) or in space (T, C, 3), in k1 D0; the force on i is the opposite."""
         direction = self.direction
         if self.shear.ndim == 3:
             return self.normal[..., None] * direction + self.shear
@@ -71,9 +71,9 @@ class ContactForces:
         return np.nan_to_num(self.vector / np.linalg.norm(self.vector, axis=-1, keepdims=True))
 
     def torque(self, end: str, arm: Floats) -> Floats:
-        """Return the torque on the spheres at one end, "i" or "j", whose shear has a lever arm, (T, C), in k1 D0 R.
+        """Return the torque on the spheres at one end, "i" or "j", for a lever arm (T, C) of the shear, in k1 D0 R.
 
-        The torque of the shear has the same sense on both, that of the roll the opposite.
+        The shear torque has the same sense on both spheres, the rolling torque the opposite.
         """
         roll = self.rolling if end == "j" else -self.rolling
         if self.shear.ndim == 2:

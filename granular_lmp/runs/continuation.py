@@ -1,4 +1,4 @@
-"""Continuation of a stopped run: how it was started, the scene that it had, and a whole checkpoint of it."""
+"""Continuation of a stopped run: its start, its scene, and a complete checkpoint."""
 
 from pathlib import Path
 from shlex import quote
@@ -12,17 +12,17 @@ from granular_lmp.runs.manifest import triggered
 from granular_lmp.runs.seal import refuse_changed, refuse_other_scene
 from granular_lmp.runs.status import read_status
 
-NETWORK = "network"  # the launcher of a run by another engine (`granular_lmp.runs.engine`)
-END = b"LammpS RestartT\0"  # the end of a checkpoint: LAMMPS's own of a restart file (lmprestart.h)
+NETWORK = "network"  # launcher of a run by another engine (`granular_lmp.runs.engine`)
+END = b"LammpS RestartT\0"  # end of a checkpoint, as LAMMPS writes it in a restart file (lmprestart.h)
 
 
 def read_unfinished(folder: Path) -> dict[str, Any]:
-    """Return ``run.json`` of a run, or of the runs to a tolerance, that can go on as it was started.
+    """Return ``run.json`` of a run, or of runs to a tolerance, that can continue as it was started.
 
     Raises
     ------
     RunFolderError
-        If it is finished, or failed by a guard, or its scene or another file changed.
+        If the run is finished or was failed by a guard, or if its scene or another file changed.
     """
     info = read_status(folder)
     if info["status"] == "finished":
@@ -42,18 +42,18 @@ def read_start(folder: Path) -> dict[str, Any]:
     Raises
     ------
     RunFolderError
-        As `read_unfinished`, and if its deck was edited or it ran with another kernel.
+        As for `read_unfinished`; also if its deck was edited or it ran with another kernel.
     """
     info = read_unfinished(folder)
     if "edited" in info:
-        raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
+        raise RunFolderError(f"{folder}: its deck was edited, and resume cannot repeat the edits; run it again")
     if info.get("kernel", library.description()) != library.description():
-        raise RunFolderError(f"{folder}: ran with another kernel or LAMMPS than those of now; run it again")
+        raise RunFolderError(f"{folder}: ran with another kernel or LAMMPS than the present ones; run it again")
     return info
 
 
 def last_checkpoint(folder: Path, dump: str) -> Path:
-    """Return the newest whole checkpoint of a run, of which `dump` is the record.
+    """Return the newest complete checkpoint of a run whose record is `dump`.
 
     Raises
     ------
@@ -76,11 +76,11 @@ def how_to_continue(folder: Path, launcher: str) -> str:
     """Return the command that continues a stopped run, or that starts it again if there is no checkpoint."""
     if whole_checkpoints(folder):
         return f"continue with: {resuming(folder, launcher)}"
-    return "it has no checkpoint yet, run it again with force=True"
+    return "it has no checkpoint yet; run it again with force=True"
 
 
 def whole_checkpoints(folder: Path) -> list[Path]:
-    """Return the checkpoints of a run that were written to their end."""
+    """Return the complete checkpoints of a run."""
     return [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and _is_whole(path)]
 
 

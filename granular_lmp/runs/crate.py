@@ -1,8 +1,8 @@
-"""A run as a Process Run Crate: a folder or an archive with its files, and what made them, for repositories of data.
+"""Write a run as a Process Run Crate: a folder or archive with its files and their origin, for data repositories.
 
-The profile (https://w3id.org/ro/wfrun/process/0.5) describes which program made which files from which others. Here
-granular-lmp turned the scene into a deck and read the record, and LAMMPS ran the deck. The end of each is the time at
-which the last of its files was written.
+The profile (https://w3id.org/ro/wfrun/process/0.5) describes which program made which files from which other files.
+Here granular-lmp turned the scene into a deck and read the record, and LAMMPS ran the deck. Each action ends when the
+last of its files was written.
 """
 
 from datetime import UTC, datetime
@@ -34,14 +34,14 @@ def write_crate(record: Record, path: Path) -> None:
     Raises
     ------
     RunFolderError
-        If the record belongs to no run folder, or a folder of that name holds something.
+        If the record belongs to no run folder, or a folder of this name is not empty.
     PackageMissingError
-        Without rocrate.
+        If rocrate is not installed.
     """
     if record.folder is None:
-        raise RunFolderError(f"{record!r}: belongs to no run folder, and a crate holds one")
+        raise RunFolderError(f"{record!r}: belongs to no run folder, which a crate needs")
     if path.is_dir() and any(path.iterdir()):
-        raise RunFolderError(f"{path}: is there already, and not empty; choose another folder")
+        raise RunFolderError(f"{path}: exists already and is not empty; choose another folder")
     optional_package("rocrate")
     crate = optional_package("rocrate.rocrate").ROCrate(version="1.1")
     crate.metadata.extra_contexts.append(TERMS)
@@ -60,7 +60,7 @@ def write_crate(record: Record, path: Path) -> None:
 
 
 def _add_action(crate: Any, record: Record, program: str, given: list[Any], written: list[Any]) -> None:
-    """Add a program, and the action by which it made files of others."""
+    """Add a program, and the action in which it made files from other files."""
     name, address = PROGRAMS[program]
     said = {"name": name, "softwareVersion": record.info.get("versions", {}).get(program), "url": address}
     if not address.startswith("https:"):
@@ -87,7 +87,7 @@ def _entity(crate: Any, address: str, kind: str, **said: str) -> Any:
 
 
 def _names(folder: Path) -> list[str]:
-    """Return the names of the files of a run, and of those of its steps, below its folder."""
+    """Return the names of the files of a run and of its steps, below its folder."""
     names: list[str] = []
     for name in written_files(folder):
         step = Path(name).parent.name

@@ -1,9 +1,9 @@
-"""The working directory of the thread in which LAMMPS runs: LAMMPS opens files relative to it.
+"""Working directory of the thread in which LAMMPS runs; LAMMPS opens files relative to it.
 
-A process has one working directory, which its threads share. Linux gives a thread its own when it asks, so that no
-other thread sees LAMMPS's. Where the system refuses (macOS, some containers) the working directory of the process
-changes while LAMMPS runs, and `absolute` resolves a relative folder as if it did not. Every function that makes or
-continues a run calls it before all else.
+The threads of a process share its working directory. Linux can give a thread its own, so other threads do not see that
+of LAMMPS. Where the system refuses (macOS, some containers), the working directory of the process changes while LAMMPS
+runs, and `absolute` resolves a relative folder as if it did not. Every function that makes or continues a run calls
+`absolute` first.
 """
 
 import ctypes
@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 _CLONE_FS = 0x200  # linux/sched.h: share the working directory with other threads
-_changing = threading.Lock()  # held while the directory of the process changes, or is looked at
+_changing = threading.Lock()  # held while the directory of the process changes or is read
 os.register_at_fork(before=_changing.acquire, after_in_parent=_changing.release, after_in_child=_changing.release)
 _usual: Path | None = None  # directory of the process before it changed to that of a run
 
@@ -46,7 +46,7 @@ def working_in(folder: Path, thread: Executor) -> Iterator[None]:
 
 
 def _moved_alone(folder: Path) -> bool:
-    """Return whether this thread has now a working directory of its own, and works in the folder."""
+    """Give this thread its own working directory, the folder; return whether this succeeded."""
     if sys.platform != "linux" or ctypes.CDLL(None).unshare(_CLONE_FS) != 0:
         return False
     os.chdir(folder)

@@ -1,9 +1,9 @@
-"""The energy of each sphere of a record, kinetic and stored in contacts above rest.
+"""Energy of each sphere of a record: kinetic, and stored in contacts above rest.
 
     E = ½ m v² + ½ (I/mR²) m (Rω)² + ½ Σ V,    V = (2/5) A (δ^{5/2} − d^{5/2}) − A d^{3/2} (δ − d)
 
-with the overlap at rest d. The last term is the share of the loads that press a chain together, so that the sum over
-all spheres is conserved.
+with the overlap at rest d. The last term is the share of the loads on a chain, so that the sum over all spheres is
+conserved.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import RunFolderError
 
 Floats = NDArray[np.float64]
-_AMONG_NEIGHBOURS = 0.4  # radii: two spheres that move less meet no others, which are 2√2 − 2 = 0.83 apart or more
+_AMONG_NEIGHBOURS = 0.4  # radii: two spheres that move less meet no other spheres, whose gap is at least 2√2 − 2 = 0.83
 
 
 def kinetic_energy(record: Any) -> Floats:
@@ -27,14 +27,14 @@ def kinetic_energy(record: Any) -> Floats:
 def energies(record: Any) -> Floats:
     """Return the energy of each sphere above rest, in m v², (T, n).
 
-    Contacts are those of the neighbours at rest; one with a held sphere or a wall counts in full for the one that
-    moves.
+    Contacts are those of neighbours at rest; a contact with a held sphere or a wall counts in full for the moving
+    sphere.
 
     Raises
     ------
     RunFolderError
-        If not all spheres are recorded, contacts adhere or have friction, whose forces store energy too, a sheet has
-        walls, or spheres of a sheet touch that were no neighbours at rest.
+        If not all spheres are recorded, if contacts adhere or have friction, which also stores energy, if a sheet has
+        walls, or if spheres touch that were not neighbours at rest.
     """
     scene = record.scene
     if scene.wave is not None or scene.material.work_of_adhesion:
@@ -66,7 +66,7 @@ def energies(record: Any) -> Floats:
 
 
 def _refuse_new_contacts(record: Any) -> None:
-    """Raise RunFolderError if spheres of a sheet touch that were no neighbours at rest."""
+    """Raise RunFolderError if spheres of a sheet touch that were not neighbours at rest."""
     scene, problem = record.scene, record.problem
     if scene.lattice == CHAIN:
         return
@@ -78,12 +78,12 @@ def _refuse_new_contacts(record: Any) -> None:
         i, j, _ = overlapping(moved)
         if not np.isin(i * count + j, known).all():
             raise RunFolderError(
-                f"{record!r}: at tau = {record.tau[moment]:g} spheres touch that were no neighbours at rest; the "
-                "stored energy is known of neighbours alone"
+                f"{record!r}: at tau = {record.tau[moment]:g} spheres touch that were not neighbours at rest; the "
+                "stored energy is only known for neighbours"
             )
 
 
 def _stored(stiffness: Floats | float, overlap: Floats, rest: Floats | float) -> Floats:
-    """Return the energy of contacts above rest, with the share of the loads that press them together."""
+    """Return the energy of contacts above rest, with the share of the loads on them."""
     change = 0.4 * (np.maximum(overlap, 0.0) ** 2.5 - rest**2.5) - rest**1.5 * (overlap - rest)
     return np.asarray(stiffness * change)

@@ -1,6 +1,6 @@
-"""A run for other programs: SI units as CSV, netCDF for xarray, its snapshots as extended XYZ or as HDF5.
+"""Export a run for other programs: CSV in SI units, netCDF for xarray, snapshots as extended XYZ or HDF5.
 
-What a monitor recorded is written as CSV in SI units, and a whole run folder as a Process Run Crate.
+The record of a monitor is exported as CSV in SI units, and a whole run folder as a Process Run Crate.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,10 +33,11 @@ Kind = TypeVar("Kind", Record, Unnamed)
 
 
 def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float64]]:
-    """Return `MonitorRecord.columns` in SI units by column; places stay rows and columns of the packing.
+    """Return `MonitorRecord.columns` in SI units; places remain rows and columns of the packing.
 
-    Of motion ``t_s``, ``u_m``, ``v_m``, ``theta_rad``, ``u_t_m_s``, ``v_t_m_s``, ``theta_t_rad_s``; of contacts
-    ``normal_N``, ``shear_N``, ``overlap_m``, and ``rolling_Nm`` where contacts resist rolling; of flux ``flux_W``.
+    For motion they are ``t_s``, ``u_m``, ``v_m``, ``theta_rad``, ``u_t_m_s``, ``v_t_m_s``, ``theta_t_rad_s``; for
+    contacts ``normal_N``, ``shear_N``, ``overlap_m``, and ``rolling_Nm`` if contacts resist rolling; for flux
+    ``flux_W``.
     """
     columns, time = monitor.columns(), monitor.scene.scale.time
     found = {"t_s": columns.pop("tau") * time}
@@ -52,11 +53,11 @@ def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float6
 
 
 def write_extxyz(particles: Snapshots, path: Path) -> None:
-    """Write the snapshots as extended XYZ: positions and radii in R, what moves in D0 and t0; the cell is the run's.
+    """Write the snapshots as extended XYZ: positions and radii in R, motion in D0 and t0, the cell of the run.
 
-    The columns beside the positions are ``id``, ``radius``, ``displacement``, ``velocity``, and where spheres turn
-    ``spin`` and, if it is tracked, ``rotation`` (Rθ/D0). The comment line of each snapshot holds ``tau``, ``R_m``,
-    ``D0_m`` (ℓ of a scene without a wave), ``t0_s``.
+    The columns beside the positions are ``id``, ``radius``, ``displacement``, ``velocity`` and, if spheres turn,
+    ``spin`` and, if tracked, ``rotation`` (Rθ/D0). The comment line of each snapshot holds ``tau``, ``R_m``, ``D0_m``
+    (ℓ of a scene without a wave), ``t0_s``.
     """
     scene, rest = particles.scene, particles.rest
     sphere, crystal = scene.sphere, particles.crystal
@@ -68,7 +69,7 @@ def write_extxyz(particles: Snapshots, path: Path) -> None:
     with path.open("w", encoding="utf-8") as stream:
         for each in (particles[k] for k in range(len(particles))):
             columns = {"displacement": each.displacement, "velocity": each.velocity}
-            if each.rotation.any() or each.spin.any():  # true of a rotation that is not known
+            if each.rotation.any() or each.spin.any():  # true for an unknown rotation
                 columns |= {} if np.isnan(each.rotation).any() else {"rotation": each.rotation}
                 columns["spin"] = each.spin
             kinds = "".join(f":{name}:R:{np.atleast_2d(x.T).shape[0]}" for name, x in columns.items())
@@ -88,7 +89,7 @@ def _write_snapshots(record: Record, path: Path) -> None:
 
 
 def write_unnamed_extxyz(crystal: Unnamed, path: Path) -> None:
-    """Write the snapshots of an unnamed crystal as extended XYZ, in its units; the box is the first one."""
+    """Write the snapshots of an unnamed crystal as extended XYZ, in its units and with its first box."""
     corner, cell, axes = crystal.cell
     lattice, origin = (" ".join(map(repr, each.ravel().tolist())) for each in (cell, corner))
     periodic = " ".join("T" if each else "F" for each in axes)
@@ -132,7 +133,7 @@ FORMATS: dict[str, Callable[[Record, Path], None]] = {
 
 
 def export(record: Record | Unnamed, path: str | Path, monitor: str | None = None) -> None:
-    """Write a run in the format of the file's ending; its folder is made, a file that is there is replaced.
+    """Write a run in the format of the file ending; make its folder, and replace an existing file.
 
     A path that ends in ``crate`` or ``.zip`` gets the whole run folder as a Process Run Crate.
 
@@ -142,15 +143,15 @@ def export(record: Record | Unnamed, path: str | Path, monitor: str | None = Non
         An unnamed crystal is written as CSV, netCDF or extended XYZ.
     path : path
     monitor : str, optional
-        Write what this monitor recorded, as CSV, in place of the trajectory of the centre sphere. An unnamed crystal
-        has "contacts", the overlaps of its spheres.
+        Write the record of this monitor, as CSV, in place of the trajectory of the centre sphere. For an unnamed
+        crystal "contacts" are the overlaps of its spheres.
 
     Raises
     ------
     RunFolderError
-        For another ending, a run without snapshots or without the monitor, or a file that cannot be written.
+        If the ending is unknown, if the run lacks snapshots or the monitor, or if the file cannot be written.
     PackageMissingError
-        For netCDF without xarray, HDF5 without h5py, a crate without rocrate.
+        If xarray (for netCDF), h5py (for HDF5) or rocrate (for a crate) is not installed.
 
     Examples
     --------
@@ -162,7 +163,7 @@ def export(record: Record | Unnamed, path: str | Path, monitor: str | None = Non
     path = Path(path)
     if isinstance(record, Unnamed):
         if monitor not in (None, _CONTACTS):
-            raise RunFolderError(f"monitor = {monitor!r}: an unnamed crystal has {_CONTACTS!r} alone")
+            raise RunFolderError(f"monitor = {monitor!r}: an unnamed crystal has only {_CONTACTS!r}")
         formats = UNNAMED_FORMATS if monitor is None else {".csv": _write_contacts}
         _write(record, path, formats, " for an unnamed crystal")
     elif monitor is None:
@@ -180,12 +181,12 @@ def _write(record: Kind, path: Path, formats: Mapping[str, Callable[[Kind, Path]
 
 
 def export_spheres(scene: Scene, path: str | Path) -> None:
-    """Write density and radius of each sphere of a scene as CSV, as ``packing.table`` takes them.
+    """Write density and radius of each sphere of a scene as CSV for ``packing.table``.
 
     Raises
     ------
     RunFolderError
-        For another ending, or a file that cannot be written.
+        If the ending is not .csv, or the file cannot be written.
 
     Examples
     --------

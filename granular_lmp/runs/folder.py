@@ -1,4 +1,4 @@
-"""The folder of a run or of a study: its name, its lock, and the removal of an earlier run's files."""
+"""Folder of a run or study: its name, its lock, and the removal of files of an earlier run."""
 
 import fcntl
 import logging
@@ -28,16 +28,17 @@ from granular_lmp.lammps.outputs import (
     STATUS,
     SWEEP,
     UNNAMED,
+    UNNAMED_CONTACTS,
     UNWAVED_CONTACTS,
     writable,
 )
 from granular_lmp.scene.files import file_text, toml_tables
 from granular_lmp.scene.schema import NAME_PATTERN, checked_name, shown
 
-# Files that a run, a kicked sheet of release 0.2, a collision, or a comparison with theory writes beside its deck
+# Files that a run, a kicked sheet of release 0.2, a collision or a comparison with theory writes beside its deck
 _FILES = (
     *(SCENE, STATUS, LOG, DUMP, SNAPSHOTS, CONTACTS, UNWAVED_CONTACTS, "trajectory.csv", *CHECKPOINTS),
-    *("dump.everything", "dump.everything.bin", UNNAMED),
+    *("dump.everything", "dump.everything.bin", UNNAMED, UNNAMED_CONTACTS),
     *(
         "in.sheet",
         "dump.sheet",
@@ -50,22 +51,22 @@ _FILES = (
     ),
 )
 _DECK = ("in.{}", "data.{}", "in.{}.kernel", "in.{}.resume")
-# These files are written while the run lasts, or by what reads it
+# Files that are written during the run, or by its readers
 _PASSING = {STATUS, CONTACTS, UNWAVED_CONTACTS, "compare.png", *CHECKPOINTS}
 _STUDIES = {SWEEP: "a sweep", COST: "a cost study", SCATTER: "a study of scattering"}
 _EXCLUSIVE = fcntl.LOCK_EX | fcntl.LOCK_NB
 _held: set[int] = set()  # descriptors of the locks of this process
 _without_locks: set[int] = set()  # devices of such file systems
-_BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume with the longest name of a scene
+_BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume for the longest name of a scene
 
 
 @contextmanager
 def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
     """Lock the folder for one run or sweep and yield the descriptor of the lock.
 
-    The lock is on the folder itself, and a LAMMPS that inherits the descriptor keeps it if this process is killed. The
-    package filelock locks a file of its own, and hands no descriptor on. Where the file system of the folder has no
-    locks, a file of this machine stands in, which keeps out no run of another machine; a warning says so.
+    The lock is on the folder itself. A LAMMPS that inherits the descriptor keeps the lock if this process is killed;
+    the package filelock cannot do this. If the file system has no locks, a file on this machine replaces the lock; it
+    does not exclude runs on other machines, and a warning says so.
 
     Parameters
     ----------
@@ -78,8 +79,8 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
     Raises
     ------
     RunFolderError
-        If the folder is locked already, or cannot be; with `make` also if its name is too long, it cannot be created,
-        or it exists (without `force`).
+        If the folder is locked or cannot be locked; with `make` also if its name is too long, if it cannot be created,
+        or if it exists (without `force`).
     """
     if make:
         refuse_long(folder)
@@ -92,7 +93,7 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
         try:
             _lock(lock, folder)
         except BlockingIOError as error:
-            raise RunFolderError(f"{folder}: another run is at work there{advice_to_ranks()}") from error
+            raise RunFolderError(f"{folder}: another run is in progress there{advice_to_ranks()}") from error
         except OSError as error:
             if make:
                 with suppress(OSError):  # it holds files
@@ -106,7 +107,7 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
 
 
 def _let_go() -> None:
-    """Give up the locks of the parent in a process that was forked, which would keep them until it ends."""
+    """Release the locks of the parent in a forked process, which would otherwise keep them until it ends."""
     for descriptor in _held:
         nothing = os.open(os.devnull, os.O_RDONLY)
         os.dup2(nothing, descriptor, inheritable=False)
@@ -117,7 +118,7 @@ os.register_at_fork(after_in_child=_let_go)
 
 
 def _lock(descriptor: int, folder: Path) -> None:
-    """Lock an open folder, or a file of this machine, which takes the descriptor over; raises BlockingIOError."""
+    """Lock an open folder, or instead a file on this machine under the same descriptor; raises BlockingIOError."""
     try:
         fcntl.flock(descriptor, _EXCLUSIVE)
     except BlockingIOError:
@@ -131,12 +132,12 @@ def _lock(descriptor: int, folder: Path) -> None:
         fcntl.flock(descriptor, _EXCLUSIVE)
         if about.st_dev not in _without_locks:  # once for all runs of a sweep
             _without_locks.add(about.st_dev)
-            risk = "two machines that run in one folder at a time would mix their files"
+            risk = "two machines that run in one folder at the same time would mix their files"
             logging.getLogger(__name__).warning("%s: has no locks (%s): %s", folder, one_line(missing), risk)
 
 
 def is_held(folder: Path) -> bool:
-    """Return whether a run is at work in the folder; if the lock cannot be tested, assume that one is."""
+    """Return whether a run is in progress in the folder; true if the lock cannot be tested."""
     try:
         with locked(folder):
             return False
@@ -145,7 +146,7 @@ def is_held(folder: Path) -> bool:
 
 
 def clear(folder: Path) -> None:
-    """Delete the files of an earlier run in a locked folder; all other files are kept.
+    """Delete the files of an earlier run in a locked folder, and no other files.
 
     Raises
     ------
@@ -168,28 +169,28 @@ def clear(folder: Path) -> None:
 
 
 def written_files(folder: Path) -> list[str]:
-    """Return the names of the files of a finished run, and for each of its steps that of ``run.json`` there."""
+    """Return the names of the files of a finished run, and of the ``run.json`` of each of its steps."""
     inners, own = [*folder.iterdir()], _own_names(folder) - _PASSING
     names = sorted(inner.name for inner in inners if inner.name in own and inner.is_file())
     return names + sorted(f"{part.name}/{STATUS}" for part in inners if _is_part(part) and (part / STATUS).is_file())
 
 
 def _is_part(path: Path) -> bool:
-    """Return whether a path is named like the folder of one step of a run to a tolerance."""
+    """Return whether a path has the name of a folder for one step of a run to a tolerance."""
     return re.fullmatch(rf"\d+{PER_SAMPLE}", path.name) is not None
 
 
 def _own_names(folder: Path) -> set[str]:
-    """Return the names of all files that a run writes into its folder; the folder holds some of them."""
+    """Return the names of all files that a run may write into its folder."""
     name, monitors, beside = _names(folder)
     own = [pattern.format(name) for pattern in _DECK if name] + beside
     own += [pattern.format(each) for each in monitors for pattern in (MONITOR, MONITOR_CONTACTS)]
     own += [continuation(Path(MONITOR.format(each))).name for each in monitors]
-    return {name + end for name in (*own, *_FILES) for end in ("", ".part")}  # .part: the draft of a killed run
+    return {name + end for name in (*own, *_FILES) for end in ("", ".part")}  # .part: a draft of a killed run
 
 
 def _names(folder: Path) -> tuple[str, list[str], list[str]]:
-    """Return the names of the scene in a folder and of its monitors, which are parts of file names, and its table.
+    """Return the names of the scene in a folder and of its monitors, which file names contain, and of its table.
 
     The name is "" without a scene.
     """

@@ -1,9 +1,10 @@
-"""The format of a run folder: ``format`` of ``run.json``, a whole number that rises when a folder says more.
+"""Format of a run folder: ``format`` in ``run.json``, a whole number that increases when folders hold more.
 
 1. Release 0.1.0, which wrote no number.
-2. Release 0.2.0.
+2. Release 0.2.0, which lists the files of a run and their digests.
+3. Release 0.3.0, whose decks look at contacts in another way, and in which a folder of foreign dumps has no scene.
 
-What a folder of an earlier format does not say is what was true when it was written.
+A folder of an earlier format is read with the defaults of the time when it was written.
 """
 
 from pathlib import Path
@@ -14,7 +15,7 @@ from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-FORMAT = 2  # this release writes folders of this format
+FORMAT = 3  # this release writes folders of this format
 
 
 def format_of(info: dict[str, Any]) -> int:
@@ -23,7 +24,7 @@ def format_of(info: dict[str, Any]) -> int:
     Raises
     ------
     ValueError
-        If the number is none that this release reads.
+        If this release does not read the format.
     """
     found = info.get("format", 1)
     if type(found) is not int or found < 1:
@@ -37,7 +38,7 @@ def format_of(info: dict[str, Any]) -> int:
 
 
 def scene_of(folder: Path) -> Scene:
-    """Return the scene of a run folder, in which an effect is off that was unknown when the folder was written.
+    """Return the scene of a run folder; effects that were unknown when it was written are off.
 
     Raises
     ------
@@ -52,12 +53,12 @@ def scene_of(folder: Path) -> Scene:
 
 
 def is_one_column(scene: Scene) -> bool:
-    """Return whether the scene of a run folder says one column, which release 0.1.0 ran, where this one runs more."""
+    """Return whether a run folder has one column, as release 0.1.0 ran it, where this release uses more."""
     return scene.packing.columns not in (AUTO, scene.shape.columns)
 
 
 def as_today(info: dict[str, Any]) -> dict[str, Any]:
-    """Return ``run.json`` without the errors of the theory that format 1 put into the budget of the run."""
+    """Return ``run.json`` without the errors of the theory, which format 1 put into the budget of the run."""
     if "error_budget" not in info:
         return info
     return info | {"error_budget": [line for line in info["error_budget"] if line.get("of") != "theory"]}

@@ -1,12 +1,12 @@
-"""The front of a wave that spreads from a strike or a source: when it arrives at each sphere, and how fast it is.
+"""Front of a wave that spreads from a strike or a source: its arrival at each sphere, and its speed.
 
-The front arrives at a sphere with the first crest of its speed, at the vertex of the parabola through the three samples
-around it. The speed V of the front is the slope of distance over arrival, by least squares on
+The front arrives at a sphere at the first maximum of its speed, the vertex of the parabola through three samples. The
+speed V of the front follows by least squares from
 
     t_i = t_0 + d_i / V
 
-*Good values*: six samples or more to a crest, and spheres before an echo reaches them (`Front.between`). *When it
-breaks*: a burst of several periods has as many crests, and the first is faster than the group.
+*Good values*: six or more samples per crest, and spheres that no echo has reached (`Front.between`). *When it breaks*:
+a burst of several periods has several crests, and the first is faster than the group.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,10 +35,10 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _LEAST = 0.2  # A crest below this share of the largest speed of its sphere is a ripple ahead of the front
-_STILL = 1e-3  # A sphere that stays below this share of the largest speed of all is not reached
-_BESIDE = 0.5  # radii: a sphere this far from the line lies on it, as where radii differ; no neighbour does
+_STILL = 1e-3  # The front has not reached a sphere that stays below this share of the largest speed of all spheres
+_BESIDE = 0.5  # radii: a sphere within this distance of the line lies on it, for unequal radii; a neighbour is farther
 _UNITS = {"distance": "_m", "arrival": "_s", "error": "_s", "height": "_m_s"}
-# The part of a sphere's velocity (T, n, d) that counts, from the unit vector of the front's way
+# Relevant part of the velocity of spheres (T, n, d), for a unit vector along the front
 MOTIONS: dict[str, Callable[[Floats, Floats], Floats]] = {
     "speed": lambda velocity, _: velocity,
     "along": lambda velocity, way: (velocity @ way)[..., None],
@@ -53,11 +53,11 @@ class Front:
     Attributes
     ----------
     places : dict of str to (n,) array
-        ``row`` and ``column`` of each sphere, counted from 0; of an unnamed crystal its ``id``.
+        ``row`` and ``column`` of each sphere, counted from 0; in an unnamed crystal the ``id``.
     distance : (n,) array
-        Distance from where the front starts, m.
+        Distance from the start of the front, m.
     arrival, error : (n,) arrays
-        Time of the crest since the beginning of the run, s, and its difference from that of every second sample.
+        Time of the crest since the beginning of the run, s, and the difference if only every second sample is used.
     height : (n,) array
         Speed of the sphere at the crest, m/s.
 
@@ -76,7 +76,7 @@ class Front:
     height: Floats
 
     def between(self, near: float, far: float) -> Self:
-        """Return the front from one distance to another, m."""
+        """Return the front between two distances, m."""
         inside = (self.distance >= near) & (self.distance <= far)
         places = {name: values[inside] for name, values in self.places.items()}
         return type(self)(places, *(getattr(self, name)[inside] for name in _UNITS))
@@ -95,8 +95,8 @@ class Front:
     def speed(self) -> tuple[float, float]:
         """Speed of the front and its error, m/s.
 
-        The error is the largest of the standard error of the fit, the share of the errors of the arrivals, and half of
-        the difference between the near and the far half, which tells of a front that slows down.
+        The error is the largest of three: the standard error of the fit, the contribution of the errors of the
+        arrivals, and half of the difference between the near and the far half, which detects a front that slows down.
 
         Raises
         ------
@@ -106,8 +106,9 @@ class Front:
         slowness, error = _slowness(self.distance, self.arrival, self.error)
         if not slowness > 0:
             raise ReadoutError(
-                f"the front has arrived at {len(self.distance)} spheres of the line, and none is later than a nearer "
-                "one; a speed needs two that differ; take another direction, a longer run, or more recorded spheres"
+                f"the front has arrived at {len(self.distance)} spheres of the line, but at none later than at a "
+                "nearer sphere; a speed needs two distances; use another direction, a longer run, or more recorded "
+                "spheres"
             )
         half = len(self.distance) // 2
         near, far = (
@@ -130,26 +131,25 @@ def front(
     direction: float = 90.0,
     of: str = "speed",
 ) -> Front:
-    """Return when the front of a wave arrived at the spheres of a line, and so how fast it is.
+    """Return the arrival of the front of a wave at the spheres of a line, which gives its speed.
 
     Parameters
     ----------
     motion : Record, MonitorRecord, Snapshots or Unnamed
-        The record of a scene without a wave; of any scene what a monitor recorded, or the snapshots; or an unnamed
-        crystal.
+        Record of a scene without a wave; record of a monitor, or snapshots, of any scene; or an unnamed crystal.
     origin : (row, column), or id, optional
-        Sphere from which the front starts; by default each that is struck, pushed or driven. Of an unnamed crystal its
-        number, which must be given.
+        Sphere from which the front starts; by default each sphere that is struck, pushed or driven. In an unnamed
+        crystal the id must be given.
     direction : float
-        Way of the front, degrees from x towards y: a line of spheres that starts at the origin.
+        Direction of the line of spheres from the origin, degrees from x towards y.
     of : str
-        "speed" of the spheres, or of their velocity only the part "along" the way or "across" it: the longitudinal or
-        the transverse front.
+        "speed" of the spheres, or only the component of velocity "along" or "across" the direction, for the
+        longitudinal or the transverse front.
 
     Raises
     ------
     ReadoutError
-        If nothing starts a front, the record holds one sphere, or no sphere on the line has a crest.
+        If nothing starts a front, if the record has only one sphere, or if no sphere on the line has a crest.
 
     Examples
     --------
@@ -167,8 +167,8 @@ def front(
     scene = motion.scene
     if isinstance(motion, Record) and scene.wave is not None:
         raise ReadoutError(
-            f"{scene.name}: its trajectory is of one sphere, and a front passes several; take a [[monitor]], or "
-            "snapshots ([output] particles)"
+            f"{scene.name}: its trajectory has one sphere, but a front needs several; use a [[monitor]], or snapshots "
+            "([output] particles)"
         )
     crystal, way = crystal_of(scene).atoms, way[: scene.space]
     places = crystal.positions[:, : scene.space]
@@ -186,7 +186,7 @@ def front(
 
 
 def _of_unnamed(motion: Unnamed, origin: tuple[int, int] | int | None, way: Floats, of: str) -> Front:
-    """Return the front in an unnamed crystal, from the sphere with a number."""
+    """Return the front in an unnamed crystal, from the sphere with an id."""
     if origin is None or isinstance(origin, tuple):
         raise ReadoutError(f"{motion.folder}: an unnamed crystal has no rows; give the id of a sphere, origin=ID")
     start = np.flatnonzero(motion.spheres == origin)
@@ -197,7 +197,7 @@ def _of_unnamed(motion: Unnamed, origin: tuple[int, int] | int | None, way: Floa
     places = motion.rest / unit
     distance = _distance(places, places[start], way, _room(ase.Atoms(cell=cell / unit, pbc=periodic), way))
     chosen, largest, velocities = _nearest_first(distance), 0.0, []
-    for moment in (motion[number] for number in range(len(motion))):  # one in memory at a time
+    for moment in (motion[number] for number in range(len(motion))):  # one snapshot in memory at a time
         largest = max(largest, float(np.linalg.norm(moment.velocity, axis=1).max()))
         velocities.append(moment.velocity[chosen])
     there, arrivals = _arrivals(motion.time, np.array(velocities), largest, way, of, motion.name)
@@ -206,7 +206,7 @@ def _of_unnamed(motion: Unnamed, origin: tuple[int, int] | int | None, way: Floa
 
 
 def _nearest_first(distance: Floats) -> Integers:
-    """Return the spheres that lie on a line, nearest first."""
+    """Return the spheres on a line, nearest first."""
     chosen = np.flatnonzero(np.isfinite(distance))
     return chosen[np.argsort(distance[chosen], kind="stable")]
 
@@ -221,8 +221,8 @@ def _arrivals(
     if not there.any():
         degrees = np.degrees(np.arctan2(way[1], way[0]))
         raise ReadoutError(
-            f"{name}: none of the {len(there)} recorded spheres at {degrees:g} degrees has a crest; take "
-            "another direction, a longer run, or more recorded spheres"
+            f"{name}: none of the {len(there)} recorded spheres at {degrees:g} degrees has a crest; use another "
+            "direction, a longer run, or more recorded spheres"
         )
     return there, crests[there]
 
@@ -241,18 +241,18 @@ def _starts(scene: Scene, crystal: ase.Atoms, origin: tuple[int, int] | int | No
     if scene.form.driven:
         found.append(spheres_at((0, 0), (), crystal, "origin"))
     if not found:
-        raise ReadoutError(f"{scene.name}: nothing strikes, pushes or drives it; give origin, where the front starts")
+        raise ReadoutError(f"{scene.name}: nothing strikes, pushes or drives it; give origin, the start of the front")
     return np.unique(np.concatenate(found))
 
 
 def _room(crystal: ase.Atoms, way: Floats) -> float:
-    """Return how far a front runs before it meets itself across periodic sides, in radii."""
+    """Return the distance that a front travels before it meets itself across periodic sides, in radii."""
     sides = zip(crystal.pbc, crystal.cell.lengths(), np.abs(way), strict=False)
     return min((length / (2 * part) for periodic, length, part in sides if periodic and part > 1e-9), default=inf)
 
 
 def _distance(places: Floats, starts: Floats, way: Floats, room: float) -> Floats:
-    """Return the distance of spheres along the way from the nearest start, (n,); infinite beside all lines."""
+    """Return the distance of spheres from the nearest start along its line, (n,); infinite for spheres on no line."""
     distance = np.full(len(places), inf)
     for start in starts:
         along = (places - start) @ way
@@ -263,7 +263,7 @@ def _distance(places: Floats, starts: Floats, way: Floats, room: float) -> Float
 
 
 def _crest(tau: Floats, speed: Floats, least: float) -> tuple[float, float, float]:
-    """Return time, error of the time, and height of the first crest of a speed (T,); nan without one."""
+    """Return time, error of the time, and height of the first crest of a speed (T,); nan if there is none."""
     high = max(least, _LEAST * speed.max(initial=0.0))
     tops = np.flatnonzero((speed[1:-1] > high) & (speed[1:-1] >= speed[:-2]) & (speed[1:-1] > speed[2:])) + 1
     if not len(tops):
@@ -278,14 +278,14 @@ def _crest(tau: Floats, speed: Floats, least: float) -> tuple[float, float, floa
 
 
 def _vertex(before: float, here: float, after: float) -> tuple[float, float]:
-    """Return place and height of the vertex of a parabola through values at −1, 0 and 1."""
+    """Return place and height of the vertex of the parabola through values at −1, 0 and 1."""
     bend = before - 2 * here + after
     shift = (before - after) / (2 * bend) if bend else inf
     return float(shift), float(here - (before - after) * shift / 4)
 
 
 def _slowness(distance: Floats, arrival: Floats, error: Floats) -> tuple[float, float]:
-    """Return the slope of arrival over distance and its error, s/m; nan without two distances."""
+    """Return the slope of arrival over distance and its error, s/m; nan with fewer than two distances."""
     if not len(distance) or np.ptp(distance) == 0:
         return np.nan, np.nan
     from_mean = distance - distance.mean()

@@ -1,8 +1,8 @@
-"""Snapshots of all spheres in one HDF5 file, in the layout of H5MD 1.1, which h5py and MDAnalysis read in parts.
+"""Write snapshots of all spheres into one HDF5 file, in the layout of H5MD 1.1, which h5py and MDAnalysis read.
 
-H5MD (P. de Buyl, P. H. Colberg & F. Höfling, Comput. Phys. Commun. 185, 1546 (2014), https://nongnu.org/h5md) says
-where positions, velocities, box and units stand. The file holds binary doubles, 80 bytes for a sphere and snapshot, and
-the text dump some 180. It is written one snapshot at a time, so that no more than two are ever in memory.
+H5MD (P. de Buyl, P. H. Colberg & F. Höfling, Comput. Phys. Commun. 185, 1546 (2014), https://nongnu.org/h5md) defines
+the places of positions, velocities, box and units. The file holds binary doubles, 80 bytes per sphere and snapshot,
+where the text dump has about 180. It is written one snapshot at a time, so at most two are in memory.
 
     particles/trajectory    box/edges, position, velocity              elements of H5MD: (T, N, 3), nm and nm/ns
                             displacement (T, N, 2), rotation, spin     ours: nm, rad, rad/ns about z; (T, N, 3) in space
@@ -11,8 +11,8 @@ the text dump some 180. It is written one snapshot at a time, so that no more th
 
 Each element holds ``value``, ``step`` and ``time`` (ns). A rotation that was not tracked is nan. Without a wave,
 D0_m and Delta0_m are both ℓ, the unit of the record. H5MD puts a corner of the box at the origin: a position is that of
-the deck less ``origin_m``. MDAnalysis keeps positions in single precision, which loses a displacement of 1e-7 of the
-crystal; the displacements in the file have every digit.
+the deck minus ``origin_m``. MDAnalysis keeps positions in single precision, which loses displacements below 1e-7 of the
+crystal; the displacements in the file have all digits.
 """
 
 from pathlib import Path
@@ -26,25 +26,25 @@ from granular_lmp.runs.record import Record, optional_package
 from granular_lmp.runs.scales import length_of
 from granular_lmp.version import __version__
 
-NANO = 1e-9  # m in a nm, s in a ns: MDAnalysis knows no larger unit
+NANO = 1e-9  # m in a nm, s in a ns: MDAnalysis supports no larger unit
 TYPES = {"moving": 1, "held": 2}  # as in the data file of the deck
 
 
 def write_h5md(record: Record, path: Path) -> None:
-    """Write the snapshots of a run as H5MD; a file that is there is replaced.
+    """Write the snapshots of a run as H5MD, and replace an existing file.
 
     Parameters
     ----------
     record : Record
     path : Path
-        Of the file; its ending does not matter here.
+        Path of the file, with any ending.
 
     Raises
     ------
     RunFolderError
-        For a run without snapshots.
+        If the run has no snapshots.
     PackageMissingError
-        Without h5py.
+        If h5py is not installed.
     """
     snapshots, h5py = record.snapshots(), optional_package("h5py")
     scene, crystal = snapshots.scene, snapshots.crystal
@@ -69,7 +69,7 @@ def write_h5md(record: Record, path: Path) -> None:
         box.attrs.update({"dimension": 3, "boundary": boundary})
 
         def element(name: str, said: str, *shape: int) -> Any:
-            """Return the values of a new time-dependent element, a chunk for each snapshot; all share step and time."""
+            """Return the values of a new time-dependent element, a chunk per snapshot; all share step and time."""
             made = group.create_group(name)
             made["step"], made["time"] = group["step"], group["time"]
             values = made.create_dataset("value", (frames, *shape), dtype=np.float64, chunks=(1, *shape))
@@ -90,7 +90,7 @@ def write_h5md(record: Record, path: Path) -> None:
 
 
 def _describe(file: Any, scene: Scene, status: str, origin: np.ndarray) -> None:
-    """Write what the file is, and of which run."""
+    """Write what the file is, and its run."""
     file.create_group("h5md").attrs["version"] = [1, 1]
     file.create_group("h5md/author").attrs["name"] = "granular-lmp"
     file.create_group("h5md/creator").attrs.update({"name": "granular-lmp", "version": __version__})

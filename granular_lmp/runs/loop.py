@@ -1,4 +1,4 @@
-"""The loop of every run: write the deck, launch LAMMPS, collect what it wrote, judge it, and say so in ``run.json``.
+"""Loop of every run: write the deck, launch LAMMPS, collect its output, judge it, and write ``run.json``.
 
 A `Simulation` knows the files of its deck, its record and its guards. The loop does the rest: folder, lock, launch,
 progress, checkpoints, clock, status and seal.
@@ -57,7 +57,7 @@ def begin(simulation: Simulation, folder: Path, options: Options, seconds: Secon
     with phase("build"):
         info = simulation.description(options.launched, options.ranks)
         info |= {"kernel": library.description()} if options.kernel else {}
-    # Missing programs and libraries, and what an engine does not hold, are reported before a file is written
+    # Missing programs and libraries, and what an engine does not support, are reported before a file is written
     route = _route(simulation, options, info)
     with locked(folder, make=True, force=options.force) as lock:
         with phase("write"):
@@ -68,7 +68,7 @@ def begin(simulation: Simulation, folder: Path, options: Options, seconds: Secon
 
 
 def _route(simulation: Simulation, options: Options, info: dict[str, Any]) -> Route:
-    """Return what runs a simulation; an engine is said in ``run.json``."""
+    """Return the function that runs a simulation; ``run.json`` names an engine."""
     if options.engine is None:
         return route_of(options)
     from granular_lmp.runs.stepping import route_by  # kept out of start-up
@@ -85,12 +85,12 @@ def proceed(
     Parameters
     ----------
     of : callable
-        Returns the simulation of the run folder, with the kernel or without.
+        Function that returns the simulation of the run folder, with or without the kernel.
     folder : Path
         Absolute.
     progress : callable, optional
     engine : Engine, optional
-        What took the steps, if LAMMPS did not.
+        Engine that took the steps, if it was not LAMMPS.
 
     Raises
     ------
@@ -109,24 +109,24 @@ def proceed(
         options = replace(options_of(folder, info, engine), progress=progress)
         route = _route(simulation, options, info)
         name = f"{simulation.input_name}.resume"
-        info.pop("files", None)  # they change from here on
+        info.pop("files", None)  # files change from here on
         with writable(folder):
             write_status(folder, info | {"status": "running", "message": "continued"})
             if engine is None:
                 (folder / name).write_text(simulation.resume_text(last.name), encoding="utf-8")
             simulation.mend(folder)
             mend_log(folder / LOG)
-        # The log is "none" because the input itself opens it for appending
+        # The log is "none" because the input opens it for appending
         job = _job(simulation, folder, name, "none", lock, options, info)
         return execute(simulation, job, route, info, seconds)
 
 
 def _refuse_other_columns(folder: Path, simulation: Simulation) -> None:
-    """Raise a RunFolderError if a run began with other columns of the thermo table than it would go on with."""
+    """Raise RunFolderError if a run began with other columns of the thermo table than its continuation has."""
     name = simulation.begun_name
     now = "".join(simulation.files()[name])
     if (folder / name).is_file() and _columns((folder / name).read_text(encoding="utf-8")) != _columns(now):
-        raise RunFolderError(f"{folder}: was begun by a version with other guards; run it again with force=True")
+        raise RunFolderError(f"{folder}: was started by a version with other guards; run it again with force=True")
 
 
 def _columns(deck: str) -> str:
@@ -136,7 +136,7 @@ def _columns(deck: str) -> str:
 def _job(
     simulation: Simulation, folder: Path, name: str, log: str, lock: int, options: Options, info: dict[str, Any]
 ) -> Job:
-    """Return the job of an input: its deck is told the interval of checkpoints on ranks."""
+    """Return the job of an input, which sets the interval of checkpoints for the ranks."""
     progress, steps = options.progress, simulation.steps
     report = (lambda step: progress(min(step, steps), steps)) if progress else (lambda _: None)
     variables: tuple[str, ...] = ()
@@ -148,7 +148,7 @@ def _job(
 def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any], seconds: Seconds) -> Record:
     """Run an input in its folder, collect its record, and write the outcome to ``run.json``.
 
-    `seconds` collects the phases of the run (`granular_lmp.runs.phases`); all that was collected so far belongs to it.
+    `seconds` collects the phases of the run (`granular_lmp.runs.phases`), including what was collected before.
     """
     folder = job.folder
     failure: BaseException | None = None
@@ -161,7 +161,7 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
         failure = RunInterrupted(
             f"{folder}: interrupted; what was recorded is kept; {how_to_continue(folder, info['launcher'])}"
         )
-    except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
+    except BaseException as error:  # also from the progress callback, because run.json must record the end of every run
         failure = error
     try:
         with phase("read"), writable(folder):
@@ -173,14 +173,14 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
         split("deck", {name: spent - before.get("phases", {}).get(name, 0.0) for name, spent in log.sections.items()})
         info = info | found | {"wall_seconds": wall_seconds(before, seconds)}
         if messages := triggered(info):
-            if isinstance(failure, RunInterrupted):  # nothing is left to continue
+            if isinstance(failure, RunInterrupted):  # there is nothing to continue
                 failure = RunInterrupted(f"{folder}: interrupted; {'; '.join(messages)}")
             failure = failure or EffectError(f"{folder}: {'; '.join(messages)}")
         if failure is None:
             info |= simulation.judged(record) | {"files": files_of(folder)}
     except BaseException as error:  # a full disk, or malformed files of LAMMPS
         failure = failure or error
-    # SystemExit: a batch system's library ends the process, as at the end of its time
+    # SystemExit: the library of a batch system ends the process, for instance at its time limit
     stopped = isinstance(failure, (RunInterrupted, SystemExit)) and not triggered(info)
     status = "finished" if failure is None else "interrupted" if stopped else "failed"
     info = info | {"status": status, "message": str(failure) if failure is not None else ""}
@@ -192,6 +192,6 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
     if failure is not None:
         raise failure
     job.report_step(simulation.steps)
-    for name in (*CHECKPOINTS, CONTACTS, UNWAVED_CONTACTS):  # contacts are kept only if they failed the run
+    for name in (*CHECKPOINTS, CONTACTS, UNWAVED_CONTACTS):  # contacts are kept only if they made the run fail
         (folder / name).unlink(missing_ok=True)
     return replace(record, info=info)

@@ -1,4 +1,4 @@
-"""The contents of ``run.json``: the description of a run before its start, and its outcome."""
+"""Contents of ``run.json``: the description of a run before its start, and its outcome."""
 
 import platform
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from granular_lmp.version import __version__
 
 
 def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -> dict[str, Any]:
-    """Return the entries of ``run.json`` that are known before the run; `edits` are those of the deck."""
+    """Return the entries of ``run.json`` that are known before the run; `edits` are the edits of the deck."""
     scene, time_ = problem.scene, problem.scene.time
     return {
         "format": FORMAT,
@@ -42,7 +42,7 @@ def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -
 
 
 def _quiet_ends(problem: Problem) -> dict[str, Any]:
-    """Return the layer that absorbs waves and the ends that have it: row n of its L rows damps by c (n/L)^p."""
+    """Return the absorbing layer and its ends: row n of its L rows damps by c (n/L)^p."""
     scene = problem.scene
     end = quiet_end_of(scene)
     if end is None:
@@ -52,7 +52,7 @@ def _quiet_ends(problem: Problem) -> dict[str, Any]:
 
 
 def _of_start(problem: Problem) -> dict[str, Any]:
-    """Return how a run starts, and what it starts in."""
+    """Return the entries on the start of a run and its crystal."""
     if problem.wave is None:
         return {"recorded": len(problem.rest.recorded), **problem.rest.entries}
     return _of_wave(problem)
@@ -77,7 +77,7 @@ NEAR = "a contact kept {:.2g} of the static overlap, and may have opened between
 
 
 def effects_of(problem: Problem) -> dict[str, dict[str, Any]]:
-    """Return for each effect whether it is on and called for, the number and the reason, and its guard."""
+    """Return for each effect whether it is on and needed, the number and the reason, and its guard."""
     return {
         effect.name: {
             "on": effect.on,
@@ -91,7 +91,7 @@ def effects_of(problem: Problem) -> dict[str, dict[str, Any]]:
 
 
 def wall_seconds(before: Mapping[str, Any], phases: Mapping[str, float]) -> dict[str, Any]:
-    """Return ``wall_seconds`` of ``run.json`` from the phases of a run, or of a part that continues one in `before`."""
+    """Return ``wall_seconds`` of ``run.json`` from the phases of a run, added to those in `before`."""
     earlier = before.get("phases", {})
     both = {name: earlier.get(name, 0.0) + phases.get(name, 0.0) for name in [*earlier, *phases]}
     total = before.get("total", 0.0) + sum(phases.values())
@@ -100,7 +100,7 @@ def wall_seconds(before: Mapping[str, Any], phases: Mapping[str, float]) -> dict
 
 
 def outcome(folder: Path, problem: Problem, samples: int, table: Signals, before: dict[str, Any]) -> dict[str, Any]:
-    """Return the entries of ``run.json`` after the run from the number of its records and its thermo table."""
+    """Return the entries of ``run.json`` after the run, from the number of records and the thermo table."""
     return {
         "samples": samples,
         **(_extremes(table) if _has_extremes(problem) else {}),
@@ -114,12 +114,12 @@ def outcome(folder: Path, problem: Problem, samples: int, table: Signals, before
 
 
 def _has_extremes(problem: Problem) -> bool:
-    """Return whether the table has the smallest overlap beside the guards, and not as one of them."""
+    """Return whether the table has the smallest overlap in addition to the guards."""
     return problem.looks and "v_overlap" not in (GUARDS[name].column for name in problem.guards)
 
 
 def _extremes(table: Signals) -> dict[str, Any]:
-    """Return the smallest overlap; a guard that measures overlaps says the largest by itself."""
+    """Return the smallest overlap; guards report the largest."""
     smallest = np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)  # Δ0, while touching
     return {"smallest_overlap": _finite(smallest)}
 
@@ -129,8 +129,8 @@ def _outcome_of(
 ) -> dict[str, Any]:
     """Return the result of the guard of one effect.
 
-    It judges only an effect that is off and that the scene does not call for. While the effect is on, a value above the
-    limit is expected and the guard counts as quiet.
+    It judges only an effect that is off and that the scene does not need. If the effect is on, a value above the limit
+    is expected, and the guard counts as quiet.
     """
     guard = GUARDS[effect["guard"]]
     found = measured(guard, table, problem, folder)
@@ -148,9 +148,9 @@ def _outcome_of(
 
 
 def lacking(problem: Problem, log: RunLog, info: Mapping[str, Any]) -> str:
-    """Return what the log of a finished run lacks; "" if it is complete.
+    """Return words for what the log of a finished run lacks; "" if it is complete.
 
-    The deck of a run that was adopted may look at other steps than those of today, as its log says.
+    The deck of an adopted run may have looks at other steps, which its log shows.
     """
     table, last = log.table, problem.scene.time.steps
     every = log.every if "adopted" in info else line_interval(problem)
@@ -161,7 +161,7 @@ def lacking(problem: Problem, log: RunLog, info: Mapping[str, Any]) -> str:
 
 
 def triggered(info: dict[str, Any]) -> list[str]:
-    """Return a sentence for each guard that triggered although the scene does not call for its effect."""
+    """Return a sentence for each guard that triggered although the scene does not need its effect."""
     return [
         f"{guard['effect']} triggered its guard at tau = {guard['passed_at']:.6g}: {name} = {_shown(guard['value'])}, "
         f"above {guard['limit']:.3g}: {guard['meaning']}; {guard['cure']}"

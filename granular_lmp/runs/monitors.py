@@ -1,18 +1,19 @@
-"""Records of monitors: motion of its spheres, forces of their contacts, and energy flux through its rows.
+"""Records of monitors: motion of spheres, forces of their contacts, and energy flux through rows.
 
 Everything is dimensionless like `granular_lmp.runs.snapshots`: displacements in D0, times in t0, forces in k1 D0,
 torques in k1 D0 R, and powers in k1 D0²/t0.
 
-The energy flux through a row n, positive along +y, is half of what its spheres get from the contacts with the rows
-below, less half of what they get from those above,
+The energy flux through row n, positive along +y, is half of the power from contacts with rows below, minus half of the
+power from contacts with rows above,
 
     J_n = ½ Σ_{i in n} [Σ_{j below} P_ij − Σ_{j above} P_ij],    P_ij = F_ij · v_i + T_ij ω_i
 
-with the force F_ij, normal and shear, and the torque T_ij of the contact on sphere i. As if a plane cut the spheres of
-the row and the contacts between them in halves: the energy between two rows, with half of that of both, changes by the
-difference of their fluxes, and by what sources, dashpots and the work of the shear law do between them. A source in the
-row itself acts half above and half below. Between LAMMPS's steps velocity and force are of the same time; in LAMMPS
-contacts see the velocity of half a step ago, so a dashpot's power is off by first order in the step.
+with the force F_ij, normal and shear, and the torque T_ij of the contact on sphere i. This corresponds to a plane that
+cuts the spheres of the row, and the contacts between them, in halves. The energy between two rows, with half of the
+energy of both, changes by the difference of their fluxes, and by sources, dashpots and the work of the shear law
+between them. A source in the row acts half above and half below. Recorded velocities and forces belong to the same
+time, but contacts in LAMMPS use the velocity of half a step ago, so the power of a dashpot has an error of first order
+in the step.
 
 OVITO reads ``monitor.NAME.bin`` as a binary LAMMPS dump with the columns of a snapshot, and ``monitor.NAME.contacts``
 as a ``dump local``.
@@ -56,12 +57,12 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, repr=False)
 class MonitorRecord(HasTables):
-    """Record of a monitor, read when it is used.
+    """Record of a monitor, read at first use.
 
     Attributes
     ----------
     monitor : Monitor
-        As the scene declares it.
+        Monitor as declared in the scene.
     scene : Scene
         Scene of the run that wrote it.
     folder : Path
@@ -83,12 +84,12 @@ class MonitorRecord(HasTables):
     def load(cls, folder: str | Path, name: str) -> Self:
         """Return the record of a monitor in a run folder.
 
-        For a run with a tolerance it is that of its answer, or of its finest step if an earlier release left no other.
+        For a run with a tolerance it belongs to the answer, or to the finest step if an earlier release wrote no other.
 
         Raises
         ------
         RunFolderError
-            If the scene has no such monitor, or the run left no file of it.
+            If the scene has no such monitor, or the run has no file of it.
         """
         folder = Path(folder)
         known = {each.name: each for each in scene_of(folder).monitor}
@@ -105,7 +106,7 @@ class MonitorRecord(HasTables):
 
     @cached_property
     def crystal(self) -> ase.Atoms:
-        """All spheres at rest; lengths in radii."""
+        """All spheres at rest, with lengths in radii."""
         return crystal_of(self.scene).atoms
 
     @cached_property
@@ -130,7 +131,7 @@ class MonitorRecord(HasTables):
         steps, tables, names = [], [], [""]
         for each in binary_snapshots(path):
             if not np.array_equal(each.table[:, 0], self.spheres + 1):
-                raise RunFolderError(f"{path}: holds other spheres at step {each.step} than those of the monitor")
+                raise RunFolderError(f"{path}: holds other spheres at step {each.step} than the monitor")
             steps.append(each.step)
             tables.append(each.table)
             names = each.names
@@ -174,12 +175,12 @@ class MonitorRecord(HasTables):
 
     @cached_property
     def contacts(self) -> ContactForces:
-        """Contacts of its spheres.
+        """Contacts of the spheres of the monitor.
 
         Raises
         ------
         RunFolderError
-            If the monitor records motion only, or its file is damaged.
+            If the monitor records only motion, or its file is damaged.
         """
         if not self.monitor.with_contacts:
             raise RunFolderError(
@@ -195,21 +196,21 @@ class MonitorRecord(HasTables):
         for step, names, table in read_snapshots(path):
             if tuple(names) != columns:
                 raise RunFolderError(f"{path}: holds {' '.join(names)}, expected {' '.join(columns)}")
-            if step in when:  # a run that was killed may have written one of the two files
+            if step in when:  # a killed run may have written only one of the two files
                 unknown[when[step]] = False
                 times.append(np.full(len(table), when[step]))
                 tables.append(table)
         return self._with_walls(self._by_pair(np.concatenate(times), np.concatenate(tables), unknown))
 
     def _by_pair(self, time: Integers, table: Floats, unknown: NDArray[np.bool_]) -> ContactForces:
-        """Return the contacts of the monitor's spheres from the lines of the dump; nan at times that are unknown."""
+        """Return the contacts of the spheres of the monitor from the lines of the dump; nan at unknown times."""
         atoms, units = self.crystal, self.scene.units
         sphere = self.scene.sphere
         first, second = table[:, :2].astype(int).T - 1
         space = self.scene.space
         along, across, roll = slice(3 + space, 3 + 2 * space), slice(3, 3 + space), slice(3 + 2 * space, None)
         own = np.isin(first, self.spheres) | np.isin(second, self.spheres)
-        own &= table[:, along].any(axis=1)  # LAMMPS lists pairs within a pull-off distance that do not touch, as zeros
+        own &= table[:, along].any(axis=1)  # LAMMPS lists pairs within a pull-off distance that do not touch as zeros
         time, table, first, second = time[own], table[own], first[own], second[own]
         i, j = np.minimum(first, second), np.maximum(first, second)
         keys, pair = np.unique(i * len(atoms) + j, return_inverse=True)
@@ -241,7 +242,7 @@ class MonitorRecord(HasTables):
         return [face for face in FACES if wall_columns(face, "")[0] in self._motion[1]]
 
     def _with_walls(self, contacts: ContactForces) -> ContactForces:
-        """Return contacts with those of the monitor's spheres with walls added."""
+        """Return the contacts together with those between the spheres of the monitor and walls."""
         for face in self.walls:
             added = self._on_wall(face)
             parts = {each.name: (getattr(contacts, each.name), getattr(added, each.name)) for each in fields(contacts)}
@@ -251,7 +252,7 @@ class MonitorRecord(HasTables):
         return contacts
 
     def _on_wall(self, face: str) -> ContactForces:
-        """Return the contacts of the monitor's spheres with one wall."""
+        """Return the contacts of the spheres of the monitor with one wall."""
         space, columns, units = self.scene.space, self._motion[1], self.scene.units
         touch, place, *force = (columns[name] for name in wall_columns(face, "xyz"[:space]))
         ever = touch.any(axis=0)
@@ -286,14 +287,14 @@ class MonitorRecord(HasTables):
         Parameters
         ----------
         end : "i" or "j"
-            It is 0 for spheres that are not of the monitor, and for walls, which are at rest.
+            The power is 0 for spheres outside the monitor, and for walls, which are at rest.
         """
         contacts, ratio = self.contacts, self.scene.scale.length / self.scene.sphere.radius
         index = getattr(contacts, end)
         place = np.searchsorted(self.spheres, index).clip(max=len(self.spheres) - 1)
         own = self.spheres[place] == index
         force = contacts.force if end == "j" else -contacts.force
-        # LAMMPS's lever arm: half of an overlap is each sphere's, and none of it a wall's
+        # lever arm in LAMMPS: each sphere has half of the overlap, a wall none
         shared = np.where(contacts.wall == "", np.nan_to_num(contacts.overlap) * ratio / 2, 0.0)
         arm = self.crystal.arrays["radius"][index] - shared
         turning = contacts.torque(end, arm) * self.spin[:, place]
@@ -304,13 +305,13 @@ class MonitorRecord(HasTables):
 
     @property
     def rows(self) -> Integers:
-        """The rows of a monitor of whole rows, (R,)."""
+        """Rows of a monitor of whole rows, (R,)."""
         first, last = self.monitor.span
         return np.arange(first, last + 1)
 
     @cached_property
     def of_rows(self) -> dict[str, Floats]:
-        """Quantities of a monitor of rows by name, (T, R) each; none of other kinds."""
+        """Quantities of a monitor of rows by name, (T, R) each; empty for other kinds."""
         kind = self.monitor.known
         return {name: _OF_ROWS[name](self) for name in kind.quantities} if kind.of == "row" else {}
 
@@ -332,16 +333,16 @@ class MonitorRecord(HasTables):
 
     @property
     def watt(self) -> float:
-        """The unit of power k1 D0²/t0, in W."""
+        """Unit of power k1 D0²/t0, in W."""
         return si_of(POWER, self.scene)
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return what the monitor is for as columns of one length, dimensionless, time by time.
+        """Return the record as dimensionless columns of equal length, time by time.
 
-        Of motion a line for each time and sphere: tau, row, column, u, v, phi, and the rates u_t, v_t, phi_t. Of
-        contacts one for each time and contact: tau, row and column of both spheres, normal, shear, overlap, and rolling
-        where contacts resist it; beside walls also partner, "sphere" or "wall zlo", whose row and column are −1. Of
-        flux one for each time and row: tau, row, flux. In a crystal of several layers the layer stands beside column.
+        Motion has a line for each time and sphere: tau, row, column, u, v, phi, and the rates u_t, v_t, phi_t. Contacts
+        have a line for each time and contact: tau, row and column of both spheres, normal, shear, overlap, and rolling
+        if contacts resist it; with walls also partner, "sphere" or "wall zlo", and a wall has row and column −1. Flux
+        has a line for each time and row: tau, row, flux. In a crystal of several layers, layer follows column.
         """
         return self._many.columns()
 
@@ -378,12 +379,12 @@ def _flux(monitor: MonitorRecord) -> Floats:
     return flux
 
 
-# What kinds of rows compute, by the name of the quantity
+# Functions for the quantities of rows, by name
 _OF_ROWS: dict[str, Callable[[MonitorRecord], Floats]] = {"flux": _flux}
 
 
 def _cross(n: Floats, vectors: Floats) -> Floats:
-    """Return n × v of rows of vectors: in the plane its component along z, (C,), in space (C, 3)."""
+    """Return n × v for rows of vectors: in the plane its component along z, (C,); in space (C, 3)."""
     if n.shape[1] == 3:
         return np.cross(n, vectors)
     return np.asarray(n[:, 0] * vectors[:, 1] - n[:, 1] * vectors[:, 0])

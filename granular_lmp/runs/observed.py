@@ -1,4 +1,4 @@
-"""The thermo table of a run by another engine: the columns by which the guards of its deck judge it."""
+"""Thermo table of a run by another engine: the columns with which the guards of its deck judge it."""
 
 from collections.abc import Callable
 from math import ceil, sqrt
@@ -20,12 +20,12 @@ from granular_lmp.runs.engine import Look, Moment
 
 
 class Observer:
-    """Computes the columns of the thermo table of a problem; raises SceneError for one that LAMMPS alone knows."""
+    """Compute the columns of the thermo table of a problem; raise SceneError for a column that only LAMMPS has."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem, scene, units = problem, problem.scene, problem.units
         self.names = _names(problem)
-        self.length = units.number(scene.scale.length, length=1)  # Δ0; ℓ of spheres that meet
+        self.length = units.number(scene.scale.length, length=1)  # Δ0, or ℓ for spheres that meet
         self.shift = self.length if scene.wave is None else units.number(scene.displacement_amplitude, length=1)
         self.radius = units.number(scene.sphere.radius, length=1)
         self.friction = Case(scene, problem.on).friction
@@ -52,7 +52,7 @@ class Observer:
 
     @property
     def head(self) -> str:
-        """The line above the table."""
+        """Line above the table."""
         return f"Step {' '.join(self.names)}\n"
 
     def line(self, moment: Moment) -> str:
@@ -64,11 +64,11 @@ class Observer:
         return f"{moment.number} {' '.join(repr(float(values[name])) for name in self.names)}\n"
 
     def smallest(self, look: Look) -> float:
-        """Return the smallest overlap of contacts that touch, in Δ0; that with a wall is over its overlap at rest."""
+        """Return the smallest overlap of touching contacts, in Δ0; with a wall relative to its overlap at rest."""
         return min(look.smallest / self.length, look.on_wall)
 
     def opened(self, look: Look) -> float:
-        """Return the contacts that have opened or formed; 1 where one may have done so between two looks."""
+        """Return the number of contacts that have opened or formed; at least 1 if one may have between two looks."""
         return max(ceil(look.changed), float(self.smallest(look) < self.nearly))
 
     def torque(self, look: Look) -> float:
@@ -81,21 +81,21 @@ class Observer:
         return look.deepest / (2 * self.radius * float(self.problem.rest.atoms.arrays["radius"].min()))
 
     def omega_dt(self, look: Look) -> float:
-        """Return the step in units of 1/ω of the stiffest contact."""
+        """Return the time step in units of 1/ω of the stiffest contact."""
         stiffest = self.problem.rest.square_rate * sqrt(look.deepest / self.length)
         return self.problem.scene.time.step * sqrt(stiffest)
 
     @cached_property
     def row(self) -> NDArray[np.int64]:
-        """The spheres of the centre row."""
+        """Spheres of the centre row."""
         return centre_row(self.problem)
 
     def spread(self, moment: Moment) -> float:
-        """Return how far spheres of the centre row have moved apart, in D0."""
+        """Return the distance by which spheres of the centre row have moved apart, in D0."""
         return float(np.ptp(moment.fields(self.row)[0], axis=0).sum()) / self.shift
 
     def sideways(self, moment: Moment) -> float:
-        """Return how far a sphere of a chain has left its line, in D0."""
+        """Return the largest distance of a sphere of a chain from its line, in D0."""
         every = np.arange(len(self.problem.rest.atoms))
         return float(np.abs(moment.fields(every)[0][:, 0]).max()) / self.shift
 

@@ -1,4 +1,4 @@
-"""Options of a run: how LAMMPS is launched, on how many ranks, and who is told of the progress."""
+"""Options of a run: launcher, number of ranks, and callback for progress."""
 
 import os
 from collections.abc import Callable
@@ -19,7 +19,7 @@ LAUNCHERS = ("module", "lmp")
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a run: the arguments of `granular_lmp.run` apart from scene and folder, documented there.
+    """Options of a run: the arguments of `granular_lmp.run` except scene and folder.
 
     Raises
     ------
@@ -39,7 +39,7 @@ class Options:
         if self.launcher not in LAUNCHERS:
             raise LaunchError(f"launcher = {self.launcher!r}: must be one of {', '.join(LAUNCHERS)}")
         if not isinstance(self.ranks, int) or not 1 <= self.ranks <= core_count():
-            # Ranks wait for each other in busy loops: 3 ranks on 2 cores took 70 times as long as 2 ranks
+            # Ranks wait for each other in busy loops, so 3 ranks on 2 cores took 70 times as long as 2 ranks
             raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
 
     @property
@@ -49,7 +49,7 @@ class Options:
 
     @property
     def device(self) -> str | None:
-        """Device of the engine, as ``run.json`` names it; None where LAMMPS takes the steps."""
+        """Device of the engine, as ``run.json`` names it; None if LAMMPS takes the steps."""
         return self.engine.device if self.engine else None
 
     @property
@@ -64,14 +64,14 @@ def options_of(folder: Path, info: dict[str, Any], engine: Engine | None = None)
     Raises
     ------
     LaunchError
-        As `Options`, and if the run was started by LAMMPS and an engine is given, or by another engine.
+        As for `Options`; also if the run was started by LAMMPS and an engine is given, or by another engine.
     """
     if (engine is not None) != (info["launcher"] == NETWORK):
         raise LaunchError(f"{folder}: was started otherwise; continue with: {resuming(folder, info['launcher'])}")
     if engine is not None:
         if info.get("device") != engine.device:
             raise LaunchError(
-                f"{folder}: ran on {info.get('device')}, and is continued there only, not on {engine.device}"
+                f"{folder}: ran on {info.get('device')}, and can only continue there, not on {engine.device}"
             )
         return Options(engine=engine)
     try:

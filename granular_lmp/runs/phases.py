@@ -1,8 +1,7 @@
-"""Where the time of a run goes: seconds of wall time by phase.
+"""Wall time of the phases of a run, in seconds.
 
-Work is timed where it is done, ``with phase("build"): ...``, for every `collected` that is open around it in the same
-thread. A phase inside another takes its seconds from the outer one, so phases never overlap and their sum is the time
-that they account for.
+``with phase("build"): ...`` times work for every `collected` that is open around it in the same thread. The time of an
+inner phase is subtracted from the outer phase, so phases never overlap and their times add up.
 """
 
 import time
@@ -18,7 +17,7 @@ _inner: ContextVar[list[float] | None] = ContextVar("inner", default=None)  # se
 
 @contextmanager
 def collected() -> Iterator[Seconds]:
-    """Yield a dict that holds, name → seconds, the phases that end while this context is open in this thread."""
+    """Yield a dict, name → seconds, of the phases that end in this context and thread."""
     seconds: Seconds = {}
     token = _collectors.set((*_collectors.get(), seconds))
     try:
@@ -29,7 +28,7 @@ def collected() -> Iterator[Seconds]:
 
 @contextmanager
 def phase(name: str) -> Iterator[None]:
-    """Time the work in this context, less the phases inside it, as a phase of this name; equal names add up."""
+    """Time the work in this context, without inner phases, as a phase of this name; equal names add up."""
     outer, within = _inner.get(), [0.0]
     token = _inner.set(within)
     started = time.perf_counter()
@@ -45,7 +44,7 @@ def phase(name: str) -> Iterator[None]:
 
 
 def split(name: str, parts: Mapping[str, float]) -> None:
-    """Move seconds from a phase that has ended to its parts, which something other than this clock has timed."""
+    """Move seconds from a finished phase to its parts, which another clock has timed."""
     for seconds in _collectors.get():
         seconds[name] = seconds.get(name, 0.0) - sum(parts.values())
         for part, spent in parts.items():

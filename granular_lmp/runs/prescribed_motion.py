@@ -1,8 +1,8 @@
-"""Velocities and spins of spheres whose motion is prescribed: those of the driven row, and of sources that move.
+"""Velocities and spins of spheres with a prescribed motion: the driven row, and sources that move.
 
-LAMMPS computes forces with velocities of half a step ago, so that a deck gives a moved sphere its way over the last
-step, [u(τ) − u(τ − h)]/h, and a turned one that over the next, [φ(τ + h) − φ(τ)]/h, and dumps hold these. They are half
-a step off the places of the same record. In their place stands the derivative of the signal, u′(τ) and φ′(τ).
+LAMMPS computes forces with velocities of half a step ago. So a deck gives a moved sphere the velocity [u(τ) − u(τ −
+h)]/h, a turned sphere the spin [φ(τ + h) − φ(τ)]/h, and dumps hold these values. They differ by half a step from the
+places in the same record, so this module replaces them by the derivatives of the signal, u′(τ) and φ′(τ).
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 class Moved(NamedTuple):
-    """Motion of spheres of a record: their places in it (m,), the source, and its factor (m,) for each."""
+    """Prescribed motion in a record: places of the spheres in it (m,), the source, and its factor (m,) for each."""
 
     place: NDArray[np.intp]
     by: PlacedSource
@@ -37,7 +37,7 @@ class Moved(NamedTuple):
 
 
 def moved_spheres(scene: Scene, spheres: NDArray[np.integer]) -> list[Moved]:
-    """Return the prescribed motions of recorded spheres (N,), which are their indices in the crystal, ascending."""
+    """Return the prescribed motions of recorded spheres, given by ascending indices in the crystal (N,)."""
     motions = [each for each in scene.drives if each.motion]
     driven = scene.form.driven
     if not driven and not motions:
@@ -60,7 +60,7 @@ def moved_spheres(scene: Scene, spheres: NDArray[np.integer]) -> list[Moved]:
 def at_the_instant(
     moved: Sequence[Moved], tau: ArrayLike, fields: tuple[Floats, Floats, Floats, Floats]
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return displacement, velocity, rotation and spin with the rates of moved spheres at the times of a record."""
+    """Return displacement, velocity, rotation and spin, with the rates of moved spheres at the recorded times."""
     displacement, velocity, rotation, spin = fields
     for each in moved:
         each.into(tau, velocity, spin)

@@ -1,15 +1,15 @@
-"""Read-outs of the monitors of a driven crystal: harmonics of the drive and the static field.
+"""Readouts from the monitors of a driven crystal: harmonics of the drive and the static field.
 
 In the steady part of a run, at the frequency Ω of the drive, each component of each sphere is fitted by
 
     x(τ) = s + d (τ − middle) + Σ_{k=1}^{3} (c_k cos kΩτ + s_k sin kΩτ)
 
-by least squares; d takes up a slow drift. The amplitude of a harmonic is the root mean square of √(c_k² + s_k²) over
-the spheres of the monitor, which does not cancel where they move in different phases; the static field s is the mean.
+by least squares; d absorbs a slow drift. The amplitude of a harmonic is the root mean square of √(c_k² + s_k²) over the
+spheres of the monitor, so different phases do not cancel; the static field s is the mean.
 
-The steady part is the second half of the time that is left when the drive has risen and its fastest wave has come from
-the farthest source. It ends with the run, or with the echo of the walls unless the scene allows it. Nothing says that
-it is steady, so the error of each number is the larger of the standard error of the fit and of half the difference
+The drive must first rise, and its fastest wave must arrive from the farthest source; the steady part is the second half
+of the remaining time. It ends with the run, or with the echo of the walls unless the scene allows the echo. It may not
+be steady yet, so the error of each number is the larger of two: the standard error of the fit, and half the difference
 between the two halves of the steady part.
 """
 
@@ -34,16 +34,16 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 HARMONICS = 3
-FEWEST_PERIODS = 4  # the steady part has at least four, two in each half
+FEWEST_PERIODS = 4  # fewest periods in the steady part, two in each half
 
 
 def drive_of(scene: Scene) -> tuple[float, float]:
-    """Return the frequency of the drive of a scene, rad/t0, and the time τ at which it has risen.
+    """Return the frequency of the drive of a scene, rad/t0, and the time τ at which the drive has risen.
 
     Raises
     ------
     ReadoutError
-        If no driven row and no source is there, a source is no tone, or they have different frequencies.
+        If there is neither a driven row nor a source, if a source is not a tone, or if frequencies differ.
     """
     usual, driven = usual_frequency(scene), scene.form.driven
     if scene.struck or not (driven or scene.source and not scene.form.waves):
@@ -68,7 +68,7 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
     Raises
     ------
     ReadoutError
-        As `drive_of`, or if the steady part is too short, or samples are too far apart for the third harmonic.
+        As for `drive_of`; also if the steady part is too short, or samples are too far apart for the third harmonic.
     """
     frequency, risen = drive_of(scene)
     first, last = monitor.span
@@ -97,14 +97,14 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
 
 
 def readout(record: "MonitorRecord") -> dict[str, Any]:
-    """Return what ``run.json`` says of a monitor of motion.
+    """Return the entry of a monitor of motion in ``run.json``.
 
     Returns
     -------
     dict
         ``frequency``, rad/t0; ``from`` and ``to``, τ; ``u``, ``v`` and ``phi`` (`components`), each with ``static``,
-        ``1``, ``2`` and ``3``: the number and its error in D0. A component that was not recorded is missing. Of a run
-        from which nothing can be read off only ``why``.
+        ``1``, ``2`` and ``3``: the number and its error in D0. A component that was not recorded is missing. If the run
+        gives no readout, there is only ``why``.
     """
     try:
         frequency, begin, end = steady_part(record.scene, record.monitor)
@@ -146,7 +146,7 @@ def _rms(values: Floats) -> float:
 
 
 def fitted(matrix: Floats, signals: Floats) -> tuple[Floats, Floats]:
-    """Return the least-squares factors of the columns of a matrix in signals, and their standard errors.
+    """Return the least-squares coefficients of the columns of a matrix for signals, and their standard errors.
 
     Parameters
     ----------
@@ -168,13 +168,13 @@ def fitted(matrix: Floats, signals: Floats) -> tuple[Floats, Floats]:
 
 
 def readouts_of(record: Record) -> dict[str, Any]:
-    """Return the entry ``monitors`` of ``run.json`` from the record of a run; nothing without a monitor of motion."""
+    """Return the entry ``monitors`` of ``run.json`` from the record of a run; {} without a monitor of motion."""
     names = [each.name for each in record.scene.monitor if each.known.of == "sphere"]
     return {"monitors": {name: readout(record.monitor(name)) for name in names}} if names else {}
 
 
 def readout_columns(info: dict[str, Any]) -> dict[str, float]:
-    """Return the read-outs in ``run.json`` as columns of a table: "line.u_static", "line.u1", "line.u1_error"."""
+    """Return the readouts in ``run.json`` as columns of a table: "line.u_static", "line.u1", "line.u1_error"."""
     found: dict[str, float] = {}
     for monitor, said in info.get("monitors", {}).items():
         for component in (name for name in NAMES if name in said):

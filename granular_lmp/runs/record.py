@@ -1,10 +1,9 @@
-"""The record of a run: the motion that it recorded, read from its run folder.
+"""Record of a run: its recorded motion, read from the run folder.
 
-LAMMPS writes ``dump.*`` and ``log.lammps`` in the units of the deck. Of a scene with a wave ``trajectory.csv`` holds p,
-q and φ of the centre sphere over τ: its displacement along the wave vector k and along ẑ × k (v and −u for a wave along
-y) and Rθ, in D0. Of a scene without a wave ``dump.particles`` holds the spheres that it records. ``run.json`` holds the
-course of the run. Post-processing scripts may import this module and little else
-(tests/house/test_independence.py).
+LAMMPS writes ``dump.*`` and ``log.lammps`` in the units of the deck. For a scene with a wave, ``trajectory.csv`` holds
+p, q and φ of the centre sphere over τ: the displacement along the wave vector k and along ẑ × k (v and −u for a wave
+along y) and Rθ, in D0. For a scene without a wave, ``dump.particles`` holds the recorded spheres. ``run.json``
+describes the run. Post-processing scripts may import this module and little else.
 """
 
 from collections.abc import Mapping
@@ -43,7 +42,7 @@ Floats = NDArray[np.float64]
 
 TRAJECTORY = "trajectory.csv"
 HEADER = ["tau", "p", "q", "phi"]
-IN_SPACE = ["ux", "uy", "uz", "phix", "phiy", "phiz"]  # behind them in space
+IN_SPACE = ["ux", "uy", "uz", "phix", "phiy", "phiz"]  # further columns in space
 
 
 def header_of(scene: Scene) -> list[str]:
@@ -60,12 +59,12 @@ class Record(HasCard):
     tau : (T,) array
         Time in units of t0.
     signals : dict of str to array
-        What was recorded, by name. Of a scene with a wave ``p``, ``q`` and ``phi`` of the centre sphere, (T,): its
-        displacement along the wave vector k and along ẑ × k in units of D0, v/D0 and −u/D0 for a wave along y, and its
-        rotation Rθ/D0, which is 0 if spheres do not turn and nan if they turn but are not tracked. Of a scene without a
-        wave ``displacement`` and ``velocity`` of the n recorded spheres, (T, n, 2), columns x and y, in ℓ and in v, and
-        if they turn ``spin``, (T, n), R ω/v; with ``output.forces`` also ``force``, (T, n, 2), in m v/t0. In space all
-        of these are (T, n, 3).
+        Recorded signals by name. For a scene with a wave: ``p``, ``q`` and ``phi`` of the centre sphere, (T,). They are
+        its displacement along the wave vector k and along ẑ × k in units of D0 (v/D0 and −u/D0 for a wave along y), and
+        its rotation Rθ/D0, which is 0 if spheres do not turn, and nan if they turn but are not tracked. For a scene
+        without a wave: ``displacement`` and ``velocity`` of the n recorded spheres, (T, n, 2), columns x and y, in ℓ
+        and in v, and ``spin``, (T, n), R ω/v, if they turn; with ``output.forces`` also ``force``, (T, n, 2), in m
+        v/t0. In space all of these are (T, n, 3).
     scene : Scene
         Scene of the run with every "auto" decided.
     info : dict
@@ -75,7 +74,7 @@ class Record(HasCard):
 
     Notes
     -----
-    Two records are equal if their scenes and motions are, in whatever folders. p, q and φ are those of one sphere. They
+    Two records are equal if their scenes and motions are equal, in any folders. p, q and φ belong to one sphere, and
     are those of the infinite lattice until the echo of the walls arrives (`Scene.echo_time`). ℓ, v and t0 are the units
     of an impact (`granular_lmp.crystal.scale`).
 
@@ -102,19 +101,19 @@ class Record(HasCard):
         folder : path
             Run folder.
         unfinished : bool
-            Read a run that was stopped or failed too.
+            True to read also a run that was stopped or failed.
 
         Raises
         ------
         RunFolderError
-            If a file is missing or malformed, is not as the run wrote it (`runs.seal`), or the run is not
-            finished (without `unfinished`).
+            If a file is missing, malformed or changed since the run (`runs.seal`), or if the run is not finished
+            (without `unfinished`).
         """
         folder = Path(folder)
         info = read_status(folder)
         if "unnamed" in info:
             raise RunFolderError(
-                f"{folder}: holds an unnamed crystal, adopted without a scene, which this needs; view, export, front "
+                f"{folder}: holds an unnamed crystal, adopted without the scene that this needs; view, export, front "
                 "and granular-analysis branches read it"
             )
         if info.get("status") != "finished" and not unfinished:
@@ -132,12 +131,12 @@ class Record(HasCard):
     def of_centre(
         cls, tau: Floats, p: Floats, q: Floats, phi: Floats, scene: Scene, info: dict[str, Any] | None = None
     ) -> Self:
-        """Make a record of the centre sphere."""
+        """Make a record of the centre sphere from its signals."""
         return cls(tau, {"p": p, "q": q, "phi": phi}, scene, info or {})
 
     @classmethod
     def empty(cls, problem: Problem, folder: Path | None = None) -> Self:
-        """Make the record of a run that has recorded nothing."""
+        """Make an empty record of a run."""
         scene = problem.scene
         if scene.wave is not None:
             return cls(np.empty(0), dict.fromkeys(header_of(scene)[1:], np.empty(0)), scene, folder=folder)
@@ -169,7 +168,7 @@ class Record(HasCard):
         unit = scene.displacement_amplitude
         metre = scene.units.number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
-        first = table["step"][0] if is_one_column(scene) else 0  # LAMMPS could not set the step back there
+        first = table["step"][0] if is_one_column(scene) else 0  # LAMMPS could not set the step back
         turn = scene.sphere.radius / unit
         signals = {
             "p": scene.vector.along(table["ux"], table["uy"]) / (metre * unit),
@@ -205,7 +204,8 @@ class Record(HasCard):
     def _of_centre(self, name: str) -> Floats:
         if name not in self.signals:
             raise RunFolderError(
-                f"{self!r}: {name} is of the centre sphere of a scene with [wave]; this one has none, and recorded "
+                f"{self!r}: {name} belongs to the centre sphere of a scene with [wave]; this scene has none, and "
+                "recorded "
                 f"{', '.join(self.signals)}"
             )
         return self.signals[name]
@@ -224,7 +224,7 @@ class Record(HasCard):
 
     @property
     def spheres(self) -> NDArray[np.int64]:
-        """Indices of the recorded spheres, ascending, (n,); of a scene with a wave that of the centre sphere."""
+        """Ascending indices of the recorded spheres, (n,); with a wave, only of the centre sphere."""
         return np.asarray(self.problem.rest.recorded)
 
     @property
@@ -244,7 +244,7 @@ class Record(HasCard):
 
     @property
     def displacement(self) -> Floats:
-        """Displacement of the recorded spheres, (T, n, 2) or in space (T, n, 3), in ℓ; in D0 in a scene with a wave."""
+        """Displacement of the recorded spheres, (T, n, 2) or in space (T, n, 3), in ℓ, or in D0 with a wave."""
         if "displacement" in self.signals:
             return self.signals["displacement"]
         if self.scene.space == 3:
@@ -254,12 +254,12 @@ class Record(HasCard):
 
     @property
     def velocity(self) -> Floats:
-        """Velocity of the recorded spheres, as `displacement`, in v; in D0/t0 in a scene with a wave.
+        """Velocity of the recorded spheres, as `displacement`, in v, or in D0/t0 with a wave.
 
         Raises
         ------
         RunFolderError
-            If the run folder holds no dump of the centre sphere, as that of a wave with a tolerance.
+            If the run folder holds no dump of the centre sphere, as for a wave with a tolerance.
         """
         return self.signals["velocity"] if "velocity" in self.signals else self._motion_of_centre[1]
 
@@ -267,7 +267,7 @@ class Record(HasCard):
     def spin(self) -> Floats:
         """R ω of the recorded spheres, (T, n) or in space (T, n, 3), in the unit of velocities; 0 if they do not turn.
 
-        Raises RunFolderError as `velocity`.
+        Raises RunFolderError as `velocity` does.
         """
         if "velocity" in self.signals:
             return self.signals.get("spin", np.zeros(self.velocity.shape[: self.scene.space]))
@@ -295,19 +295,19 @@ class Record(HasCard):
     def energies(self) -> Floats:
         """Return the energy of each sphere above rest, in m v², (T, n): ½ m v² and half of each of its contacts.
 
-        Raises RunFolderError where it is not known (`granular_lmp.runs.energy.energies`).
+        Raises RunFolderError if it is not known (`granular_lmp.runs.energy.energies`).
         """
         return energy.energies(self)
 
     def energy(self) -> Floats:
-        """Return the energy of all spheres and contacts above rest, in m v², (T,); raises as `energies`.
+        """Return the energy of all spheres and contacts above rest, in m v², (T,); errors as for `energies`.
 
-        With damping it falls, by what the dashpots of the contacts take. Without, it is that of the
-        strikers but for the error of the step.
+        With damping it decreases by the loss in the dashpots of the contacts. Without damping it is that of the
+        strikers up to the error of the time step.
         """
         return np.asarray(self.energies().sum(axis=1))
 
-    # --- what else the folder holds ---
+    # --- other data in the folder ---
 
     def snapshots(self) -> "Snapshots":
         """Return the snapshots of all spheres.
@@ -324,7 +324,7 @@ class Record(HasCard):
         return Snapshots.load(self.folder)
 
     def monitor(self, name: str) -> "MonitorRecord":
-        """Return what a monitor recorded, by its name in the scene.
+        """Return the record of a monitor, by its name in the scene.
 
         Raises
         ------
@@ -341,12 +341,12 @@ class Record(HasCard):
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Columns of one length by name, dimensionless (`granular_lmp.runs.tables`)."""
+        """Dimensionless columns of equal length by name (`granular_lmp.runs.tables`)."""
         return tables.columns(self)
 
     @property
     def si(self) -> dict[str, NDArray[Any]]:
-        """Columns of one length by name in SI units (`granular_lmp.runs.tables`)."""
+        """Columns of equal length by name, in SI units (`granular_lmp.runs.tables`)."""
         return tables.si(self)
 
     def write_csv(self, path: str | Path) -> None:
@@ -354,12 +354,12 @@ class Record(HasCard):
         tables.write_csv(self.columns, Path(path))
 
     def plot(self) -> "Figure":
-        """Return a figure of p, q and φ over τ, without signals that stay zero; a notebook shows it."""
+        """Return a figure of the nonzero signals among p, q and φ over τ; a notebook shows it."""
         figure: Figure = PAINTERS["trajectory_figure"](self.tau, self.signals, self.scene)
         return figure
 
     def to_pandas(self) -> Any:
-        """Return `columns` as a ``pandas.DataFrame``; those of the centre sphere over tau.
+        """Return `columns` as a ``pandas.DataFrame``, with tau as the index for the centre sphere.
 
         Raises
         ------
@@ -371,7 +371,7 @@ class Record(HasCard):
     def to_xarray(self) -> Any:
         """Return an ``xarray.Dataset`` of `signals` over tau, each with its unit and meaning.
 
-        Its attributes hold the scales that turn it into SI units, how the run ended, and ``scene``, the scene as TOML.
+        Its attributes hold the scales for SI units, the end of the run, and the ``scene`` as TOML.
 
         Raises
         ------
@@ -386,7 +386,7 @@ class Record(HasCard):
         Raises
         ------
         PackageMissingError
-            Without xarray.
+            If xarray is not installed.
         """
         self.to_xarray().to_netcdf(path)
 

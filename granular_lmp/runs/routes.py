@@ -1,7 +1,7 @@
-"""The two routes on which LAMMPS runs an input: its ``lammps`` module in this process, or the program ``lmp``.
+"""The two routes for running an input in LAMMPS: the ``lammps`` module in this process, or the program ``lmp``.
 
-On either route LAMMPS reads the same input in the run folder. It runs in a second thread or in a process of its own, so
-that Ctrl-C and the progress display work at once.
+On either route LAMMPS reads the same input in the run folder. It runs in a second thread or in a separate process, so
+that Ctrl-C and the progress display work without delay.
 """
 
 import os
@@ -28,16 +28,16 @@ from granular_lmp.runs.directory import working_in
 from granular_lmp.runs.options import Options
 from granular_lmp.runs.phases import phase
 
-FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
+FEWEST_FILES = 64  # open files; a run on one rank needs 24 (measured), and so does each other run of the process
 _POLL = 0.1  # s between two progress reports, and the longest wait for a program to stop
 _GRACE = 0.5  # s between the request to stop and the kill of a program
-_TAIL = 4096  # bytes of a log, which hold many lines of its table
-_NUMBERS = re.compile(rb" *\d+( +(-|[-+]?(\d[\d.e+-]*|nan|inf)))* *")  # the step and what a guard or a clock says
+_TAIL = 4096  # bytes of a log that contain many lines of its table
+_NUMBERS = re.compile(rb" *\d+( +(-|[-+]?(\d[\d.e+-]*|nan|inf)))* *")  # the step and the value of a guard or a clock
 _one_at_a_time = threading.Lock()  # for LAMMPS in this process
 
 
 def _renew() -> None:
-    """Let a forked process run LAMMPS: no thread of it holds what one of its parent held."""
+    """Renew the lock of LAMMPS in a forked process, as a thread of the parent may hold it."""
     global _one_at_a_time
     _one_at_a_time = threading.Lock()
 
@@ -47,7 +47,7 @@ os.register_at_fork(after_in_child=_renew)
 
 @dataclass(frozen=True)
 class Job:
-    """One input to be run in a folder.
+    """Input to run in a folder.
 
     Attributes
     ----------
@@ -57,12 +57,12 @@ class Job:
     log : str
         Argument of ``-log``.
     lock : int
-        Descriptor of the folder's lock. The program inherits it, so that the folder stays locked if it outlives this
-        process.
+        Descriptor of the lock of the folder. The program inherits it, so the folder stays locked if the program
+        outlives this process.
     report_step : callable
         Callback for progress, called with the time step.
     looks : "table", "kernel", "none" or ""
-        Where the guards of the input have their looks; "" for an input that a stop leaves without a checkpoint.
+        Where the guards of the input have their looks; "" if a stopped run of the input has no checkpoint.
     variables : tuple of str
         Words that override variables of the deck: ``-var``, name, value.
     """
@@ -98,7 +98,7 @@ def route_of(options: Options) -> Route:
         If LAMMPS, its MPI library, a program or the kernel is missing, or too few files may be open.
     """
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if 0 <= files < FEWEST_FILES:  # MPI would end this process without an error message
+    if 0 <= files < FEWEST_FILES:  # otherwise MPI would end this process without an error message
         raise LaunchError(f"ulimit -n = {files}: must be at least {FEWEST_FILES} open files for LAMMPS and its MPI")
     with phase("start"):
         kernel = library.built() if options.kernel else None
@@ -116,7 +116,7 @@ def _run_module(module: Any, kernel: Path | None, job: Job) -> None:
         try:
             with phase("start"):
                 instance = pool.submit(library.start, module, kernel, job.switches, _this_rank()).result()
-        except RuntimeError as refused:  # without a communicator the module would end in a segmentation fault
+        except RuntimeError as refused:  # without a communicator the module would crash
             beside = " beside this mpi4py" if _this_rank() else ""
             raise LammpsMissingError(f"LAMMPS cannot be started{beside}: {_first_line(refused)}") from refused
         work = pool.submit(instance.file, job.input_name)
@@ -128,7 +128,7 @@ def _run_module(module: Any, kernel: Path | None, job: Job) -> None:
             error = work.exception()
             if error is not None:  # the module raises plain Exception and MPIAbortException
                 raise LammpsError(_first_line(error), _last_command(job.folder), log_tail(job.folder)) from error
-            # Before its first step a run may not hold the wave yet, and a checkpoint would save no time
+            # Before its first step a run may not have the wave yet, and a checkpoint would save no time
             if job.looks and instance.extract_global("ntimestep") > 0:
                 with _uninterrupted():
                     for command in _checkpoint(instance, job.looks):
@@ -154,9 +154,9 @@ def _uninterrupted() -> Iterator[None]:
 def _checkpoint(instance: Any, looks: str) -> list[str]:
     """Return the commands that write the checkpoint of a stopped run.
 
-    The run continues to a step at which guards look, as some fixes have numbers only there. What the kernel saw since
-    the last line of the table becomes one more line. LAMMPS sets its fixes up again before it writes, which the one for
-    the last lines of the deck does not bear.
+    The run continues to a step with a look, as some fixes have numbers only there. Extremes that the kernel saw since
+    the last line of the table become one more line. LAMMPS sets up its fixes again before it writes, so the fix for the
+    last lines of the deck is removed.
     """
     now, end = instance.extract_global("ntimestep"), int(instance.extract_variable("steps"))
     in_kernel = looks == "kernel"
@@ -168,7 +168,7 @@ def _checkpoint(instance: Any, looks: str) -> list[str]:
 
 
 def _this_rank() -> Any:
-    """Return the communicator of this process alone if mpi4py is loaded; in the world's, LAMMPS waits for all ranks."""
+    """Return the communicator of this process if mpi4py is loaded; in the world's, LAMMPS waits for all ranks."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_SELF if mpi else None
 
@@ -191,7 +191,7 @@ def _run_program(program: list[str], variables: dict[str, str], kernel: Path | N
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            start_new_session=True,  # this process passes Ctrl-C of the terminal on
+            start_new_session=True,  # this process passes on Ctrl-C from the terminal
             pass_fds=[job.lock],
         ) as process,
         _killed_with_this_process(process.pid),
@@ -212,7 +212,7 @@ def _run_program(program: list[str], variables: dict[str, str], kernel: Path | N
 
 @contextmanager
 def _killed_with_this_process(group: int) -> Iterator[None]:
-    """Kill a group of processes when this one ends in whatever way: a shell then reads the end of a pipe."""
+    """Kill a group of processes when this process ends in any way: a shell then reads the end of a pipe."""
     end, ours = os.pipe()
     watch = ["/bin/sh", "-c", 'read -r none; kill -KILL "-$0"', str(group)]
     try:
@@ -238,7 +238,7 @@ def _output(process: "subprocess.Popen[str]", job: Job) -> str:
 
 
 def _stop(process: "subprocess.Popen[str]") -> None:
-    """End the program and all its ranks, which hold the folder's lock: the ``lmp`` of the wheel starts another one."""
+    """End the program and all its ranks, which hold the lock; ``lmp`` of the wheel starts another process."""
     with suppress(ProcessLookupError):  # none is left
         for request in (signal.SIGTERM, signal.SIGKILL):
             os.killpg(process.pid, request)
@@ -251,11 +251,13 @@ def _stop(process: "subprocess.Popen[str]") -> None:
 
 
 def _step_in_log(folder: Path) -> int | None:
-    """Return the step of the last whole line of numbers near the end of the log; None without any."""
+    """Return the step in the last complete line of numbers near the end of the log; None if there is none."""
     try:
         with (folder / LOG).open("rb") as stream:
             stream.seek(max(0, stream.seek(0, os.SEEK_END) - _TAIL))
-            lines = stream.read().split(b"\n")[1:-1]  # the first may be cut off, the last is being written
+            lines = stream.read().split(b"\n")[
+                1:-1
+            ]  # the first line may be incomplete, and the last is still being written
     except OSError:
         return None
     return next((int(line.split()[0]) for line in reversed(lines) if _NUMBERS.fullmatch(line)), None)
@@ -266,14 +268,14 @@ def _first_line(error: BaseException) -> str:
 
 
 def _last_command(folder: Path) -> str:
-    """Return the last input line according to LAMMPS's log, or an empty string."""
+    """Return the last input line according to the log, or an empty string."""
     lines = log_tail(folder, 40).splitlines()
     named = [line.partition(":")[2].strip() for line in lines if line.startswith("Last input line:")]
     return named[-1] if named else ""
 
 
 def log_tail(folder: Path, lines: int = 15) -> str:
-    """Return the last lines of LAMMPS's log; "" if it cannot be read."""
+    """Return the last lines of the log of LAMMPS; "" if it cannot be read."""
     try:
         return "\n".join((folder / LOG).read_text(encoding="utf-8", errors="replace").splitlines()[-lines:])
     except OSError:

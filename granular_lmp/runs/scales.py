@@ -1,6 +1,6 @@
-"""The units of displacements and forces in a record: those of the wave, or of the impact where there is none.
+"""Units of displacements and forces in a record: those of the wave, or of the impact if there is no wave.
 
-Times are in t0 of the scene (`granular_lmp.crystal.scale`) everywhere.
+Times are always in t0 of the scene (`granular_lmp.crystal.scale`).
 """
 
 from math import prod
@@ -10,7 +10,7 @@ from granular_lmp.scene.monitor_kinds import Unit
 
 
 def length_of(scene: Scene) -> float:
-    """Return the unit of displacements, m: D0 of a wave, else Δ0 of a crystal at rest, or ℓ of an impact."""
+    """Return the unit of displacements, m: D0 of a wave, Δ0 of a crystal at rest, or ℓ of an impact."""
     return scene.displacement_amplitude
 
 

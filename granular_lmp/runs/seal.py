@@ -1,9 +1,9 @@
-"""The seal of a run that ended: ``run.json`` lists each file that the run wrote, with its size and its digest.
+"""Seal of a run that ended: ``run.json`` lists each file that the run wrote, with its size and its digest.
 
-It also holds a digest of itself, and that of a run to a tolerance lists the ``run.json`` of each of its steps. A reader
-compares the files, large ones of snapshots and monitors when it reads them. What is not listed is the user's. A run
-that was stopped lists its checkpoints too; of one that was killed nothing is known. A folder of format 1 lists nothing,
-and is read as it was (`granular_lmp.runs.formats`).
+It also holds a digest of itself; for a run to a tolerance it lists the ``run.json`` of each of its steps. A reader
+compares the files; large snapshots and monitors only when it reads them. Files that are not listed belong to the user.
+A stopped run also lists its checkpoints; nothing is known about files of a killed run. A folder of format 1 has no
+list, and is read without comparison (`granular_lmp.runs.formats`).
 """
 
 import hashlib
@@ -11,22 +11,32 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import RunFolderError, one_line
-from granular_lmp.lammps.outputs import CHECKPOINTS, MONITOR, SCENE, SNAPSHOTS, STATUS, UNNAMED, writable
+from granular_lmp.lammps.outputs import (
+    CHECKPOINTS,
+    MONITOR,
+    SCENE,
+    SNAPSHOTS,
+    STATUS,
+    UNNAMED,
+    UNNAMED_CONTACTS,
+    writable,
+)
 from granular_lmp.runs.folder import written_files
 from granular_lmp.runs.formats import format_of
 from granular_lmp.runs.status import how_to_accept, read_status, write_status
 
-_LARGE = (SNAPSHOTS, UNNAMED, MONITOR.partition("{")[0])  # beginnings of the names of files that few readers need
-_QUICK = 1 << 25  # bytes of such a file that every reader compares, in some hundredths of a second
+# Prefixes of the names of files that few readers need
+_LARGE = (SNAPSHOTS, UNNAMED, UNNAMED_CONTACTS, MONITOR.partition("{")[0])
+_QUICK = 1 << 25  # bytes up to which every reader compares such a file, in a few hundredths of a second
 
 
 def scene_digest(text: str) -> str:
-    """Return the digest of a ``scene.toml``, or of another file, for ``run.json``: the SHA-256 of its text."""
+    """Return the digest of a ``scene.toml`` or another file for ``run.json``: the SHA-256 of its text."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
-    """Raise RunFolderError unless ``run.json`` holds the digest of the folder's scene."""
+    """Raise RunFolderError unless ``run.json`` holds the digest of the scene in the folder."""
     try:
         text = (folder / SCENE).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
@@ -36,7 +46,7 @@ def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
 
 
 def files_of(folder: Path, *, stopped: bool = False) -> dict[str, dict[str, Any]]:
-    """Return ``files`` of ``run.json``: of each file of a run, which may be `stopped`, its name, size and SHA-256."""
+    """Return ``files`` of ``run.json``: name, size and SHA-256 of each file of a run, which may be `stopped`."""
     checkpoints = [name for name in CHECKPOINTS if stopped and (folder / name).is_file()]
     return {name: _entry(folder / name) for name in (*written_files(folder), *checkpoints)}
 
@@ -47,7 +57,7 @@ def _entry(path: Path) -> dict[str, Any]:
 
 
 def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) -> None:
-    """Raise RunFolderError if a file that ``run.json`` lists is not there as it was written.
+    """Raise RunFolderError if a file that ``run.json`` lists is missing or was changed.
 
     Parameters
     ----------
@@ -55,7 +65,7 @@ def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) 
     info : dict
         ``run.json``.
     lazily : bool
-        Of large snapshots and monitors compare the size only: `refuse_changed_record` does the rest.
+        Compare only the size of large snapshots and monitors; `refuse_changed_record` does the rest.
     """
     if format_of(info) == 1:
         return
@@ -65,9 +75,9 @@ def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) 
 
 
 def refuse_changed_record(folder: Path, path: Path) -> None:
-    """Raise RunFolderError if a file in a run folder, or in that of one of its steps, is not as the run wrote it.
+    """Raise RunFolderError if a file in a run folder, or in the folder of a step, was changed since the run.
 
-    Nothing is known of the files of a run that is on its way or was killed, or of a folder without ``run.json``.
+    Nothing is known about files of a run that is in progress or was killed, or of a folder without ``run.json``.
     """
     places = [(folder, path)] if path.parent == folder else [(folder, path.parent / STATUS), (path.parent, path)]
     for place, file in places:
@@ -82,27 +92,30 @@ def refuse_changed_record(folder: Path, path: Path) -> None:
 def _refuse_other(folder: Path, name: str, info: dict[str, Any], *, whole: bool) -> None:
     path, said = folder / name, info["files"][name]
     if not path.is_file():
-        raise RunFolderError(f"{path}: is missing, and the run wrote it; {how_to_accept(folder, info)}")
+        raise RunFolderError(f"{path}: is missing, although the run wrote it; {how_to_accept(folder, info)}")
     if path.stat().st_size != said["bytes"] or (whole and _entry(path) != said):
         raise RunFolderError(f"{path}: was changed since the run wrote it; {how_to_accept(folder, info)}")
 
 
 def accept(folder: str | Path) -> list[str]:
-    """Take the files of a finished run as they are now, on purpose, and return the names of those that differ.
+    """Accept the present files of a finished run on purpose, and return the names of the changed files.
 
-    ``run.json`` keeps the names in ``accepted``. Steps of a run to a tolerance are accepted with it.
+    ``run.json`` keeps the names in ``accepted``. Steps of a run to a tolerance are accepted too.
 
     Raises
     ------
     RunFolderError
-        If the run is not finished, its folder lists no files, or its scene was changed: another scene is another run.
+        If the run is not finished, its folder has no list of files, or its scene was changed, which makes it another
+        run.
     """
     folder = Path(folder)
     info = read_status(folder, changed=True)
     if info["status"] != "finished":
         raise RunFolderError(f"{folder}: not a finished run (status '{info['status']}'); there is nothing to accept")
     if format_of(info) == 1:
-        raise RunFolderError(f"{folder}: is of release 0.1.0, which listed no files; there is nothing to accept")
+        raise RunFolderError(
+            f"{folder}: was written by release 0.1.0, which listed no files; there is nothing to accept"
+        )
     refuse_other_scene(folder, info)
     before = info.get("files", {})
     steps = [name for name in before if "/" in name and (folder / name).is_file()]

@@ -1,6 +1,6 @@
-"""One run of a deck: what it writes before LAMMPS starts, and how its files are read and judged afterwards.
+"""Run of a deck: the files before LAMMPS starts, and how its output is read and judged afterwards.
 
-In which order that is done says `granular_lmp.runs.loop`.
+`granular_lmp.runs.loop` defines the order.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -30,23 +30,24 @@ Judge = Callable[[Problem, Record], dict[str, Any]]
 
 
 def nothing_more(_problem: Problem, _record: Record) -> dict[str, Any]:
-    """Return no more entries of ``run.json``."""
+    """Return no further entries of ``run.json``."""
     return {}
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """The run of a deck.
+    """Run of a deck.
 
     Attributes
     ----------
     deck : Deck
     edits : list of str
-        Lines by which its text differs from the one that this package writes.
+        Lines that differ from the deck of this package.
     judge : callable
-        Returns more entries of ``run.json`` from the problem and the record of a run that did not fail.
+        Function that returns further entries of ``run.json`` from the problem and the record of a run that did not
+        fail.
     kernel : bool
-        True if the kernel computes the contacts, which then sees them for the guards too.
+        True if the kernel computes the contacts; it then also checks them for the guards.
     """
 
     deck: Deck
@@ -66,7 +67,7 @@ class Simulation:
 
     @property
     def begun_name(self) -> str:
-        """File name of the input that LAMMPS reads first: the deck, or the same with the guards of the kernel."""
+        """File name of the input that LAMMPS reads first: the deck, or the deck with the guards of the kernel."""
         return self.input_name if self._watched == self.deck.input_text else f"{self.input_name}.kernel"
 
     @cached_property
@@ -78,7 +79,7 @@ class Simulation:
 
     @property
     def dump(self) -> str:
-        """Name of the dump without which nothing was recorded."""
+        """Name of the dump that every run must have."""
         return SNAPSHOTS if self.scene.wave is None else DUMP
 
     @property
@@ -88,7 +89,7 @@ class Simulation:
 
     @property
     def looks(self) -> str:
-        """Where the guards have their looks, as `Job` needs it: the table, the kernel, or "" of spheres that meet."""
+        """Place of the looks of the guards, for `Job`: the table, the kernel, or "" for spheres that meet."""
         if not has_looks(self.deck.problem):
             return ""
         if not self.deck.problem.looks:
@@ -102,7 +103,7 @@ class Simulation:
     def description(self, launcher: str, ranks: int) -> dict[str, Any]:
         """Return the entries of ``run.json`` that are known before the run."""
         found = manifest.description(self.deck.problem, self.edits, launcher, ranks)
-        if self.begun_name != self.input_name:  # the kernel looks at every step
+        if self.begun_name != self.input_name:  # the kernel checks every step
             found["looks"] |= {"every_tau": self.scene.time.step}
         return found
 
@@ -115,13 +116,14 @@ class Simulation:
         return self._with_guards(resume_text(self.deck.problem, checkpoint), checkpoint)
 
     def mend(self, folder: Path) -> None:
-        """Cut what a stop left of the dumps back to whole records."""
+        """Cut the dumps of a stopped run back to complete records."""
         mend(folder, self.deck.problem)
 
     def collect(self, folder: Path, *, stopped: bool) -> Record:
-        """Return the record of a run, finished or not, and write that of a centre sphere to ``trajectory.csv``.
+        """Return the record of a run, finished or not, and write ``trajectory.csv`` for a centre sphere.
 
-        Dumps are mended if the run was stopped or continued, or lost a sphere; to look for it costs more than to read.
+        Dumps are repaired only if the run was stopped or continued, or lost a sphere, because the check takes longer
+        than reading.
         """
         if not (folder / self.dump).exists():
             return Record.empty(self.deck.problem, folder)
@@ -140,7 +142,7 @@ class Simulation:
         return record
 
     def outcome(self, folder: Path, record: Record, log: RunLog, info: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the entries of ``run.json`` after the run, its guards among them."""
+        """Return the entries of ``run.json`` after the run, including its guards."""
         return manifest.outcome(folder, self.deck.problem, len(record.tau), log.table, dict(info))
 
     def defect(self, record: Record, log: RunLog, job: Job, info: Mapping[str, Any]) -> LammpsError | None:
@@ -155,18 +157,18 @@ class Simulation:
         return LammpsError(found, job.input_name, log_tail(job.folder)) if found else None
 
     def _monitors_lack(self, folder: Path, expected: int) -> str:
-        """Return which file of a monitor lacks records; "" if none does."""
+        """Return the name of a file of a monitor that lacks records; "" if there is none."""
         names = monitor_files(self.deck.problem)
         missing = (name for name in names if not is_whole(folder / name, expected, self.steps))
         return next((f"{name} lacks records" for name in missing), "")
 
     def judged(self, record: Record) -> dict[str, Any]:
-        """Return the entries of ``run.json`` of a run that did not fail: what is read off its record."""
+        """Return the entries of ``run.json`` for a run that did not fail: readouts of its record."""
         return readouts_of(record) | self.judge(self.deck.problem, record)
 
 
 def _not_finite(record: Record, *, tracked: bool) -> str:
-    """Return whether the record holds numbers that are not finite, in words; a rotation may be untracked."""
+    """Return words if the record holds numbers that are not finite, else ""; a rotation may be untracked."""
     known = [values for name, values in record.signals.items() if tracked or not name.startswith("phi")]
     finite = all(np.isfinite(values).all() for values in known)
     return "" if finite else "the record holds numbers that are not finite"
@@ -177,6 +179,6 @@ def _fewer(record: Record, expected: int) -> str:
 
 
 def mend(folder: Path, problem: Problem) -> None:
-    """Mend the dumps of the run folder of a problem: `mend_dump`, `mend_binary`."""
+    """Repair the dumps in the run folder of a problem: `mend_dump`, `mend_binary`."""
     for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS, *monitor_files(problem)))):
         (mend_binary if path.suffix == ".bin" else mend_dump)(path)

@@ -1,9 +1,9 @@
 """Snapshots of all spheres of a run: the file ``dump.particles`` of a scene with ``output.particles``.
 
-The file is a text dump of LAMMPS with every digit, in the units of the deck. OVITO knows the names of its columns
+The file is a text dump of LAMMPS with all digits, in the units of the deck. OVITO knows the names of its columns
 (Particle Identifier ← id, Particle Type ← type: 1 moves, 2 is held; Position, Radius, Displacement, Velocity, Angular
 Velocity); the angle is the scalar ``v_theta``. ASE reads it as ``lammps-dump-text`` and keeps positions, velocities,
-types and ``v_theta``. Here a snapshot is read when it is used, and is dimensionless like `granular_lmp.runs.record`.
+types and ``v_theta``. A snapshot is read when it is used, and is dimensionless as in `granular_lmp.runs.record`.
 """
 
 from math import ceil
@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Spheres:
-    """All spheres at one moment, row by row as in the data file; lengths in D0, times in t0.
+    """All spheres at one moment, in the order of the data file; lengths in D0, times in t0.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Spheres:
 def dimensionless(columns: dict[str, Floats], scene: Scene) -> tuple[Floats, Floats, Floats, Floats]:
     """Return displacement (..., 2), velocity (..., 2), rotation and spin (...) from the columns of a dump, (...) each.
 
-    As in `Spheres`, in space all four are (..., 3); the columns are in the units of the deck.
+    In space all four are (..., 3), as in `Spheres`; the columns are in the units of the deck.
     """
     still, units = np.zeros(columns["id"].shape), scene.units
     moves, turns = ("xy", "z") if scene.space == 2 else ("xyz", "xyz")
@@ -101,7 +101,7 @@ def force_on(columns: dict[str, Floats], scene: Scene) -> Floats:
 
 
 def _angle(columns: dict[str, Floats], turns: str) -> Floats | None:
-    """Return the rotation vector from the angles in a dump or from its quaternions, (..., 1 or 3); None without any."""
+    """Return the rotation vector from the angles or quaternions in a dump, (..., 1 or 3); None if it has none."""
     if "Orientation.W" in columns:
         return rotation_vector(np.stack([columns[f"Orientation.{part}"] for part in "WXYZ"], axis=-1))
     names = ["v_theta"] if turns == "z" else [f"v_theta{axis}" for axis in turns]
@@ -117,7 +117,7 @@ def rotation_vector(quaternion: Floats) -> Floats:
 
 
 def finest(folder: Path, name: str) -> Path | None:
-    """Return a file of a run folder, or that of the finest step of a run with a tolerance; None without it."""
+    """Return a file of a run folder, or of the finest step of a run with a tolerance; None if there is none."""
     finer = sorted(folder.glob(f"*{PER_SAMPLE}/{name}"), key=lambda path: int(path.parent.name.split("_")[0]))
     return next(filter(Path.is_file, [folder / name, *reversed(finer)]), None)
 
@@ -149,9 +149,9 @@ class Snapshots(HasCard, HasTables):
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Find the snapshots of a run folder.
+        """Return the snapshots of a run folder.
 
-        For a run with a tolerance they are those of its answer, or of its finest step if an earlier release left no
+        For a run with a tolerance they belong to its answer, or to its finest step if an earlier release wrote no
         others.
 
         Raises
@@ -163,7 +163,7 @@ class Snapshots(HasCard, HasTables):
         path = finest(folder, SNAPSHOTS)
         if path is None:
             raise RunFolderError(
-                f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the tau between "
+                f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the time between "
                 "them, for instance output.particles = 1.0"
             )
         refuse_changed_record(folder, path)
@@ -176,7 +176,7 @@ class Snapshots(HasCard, HasTables):
 
     @cached_property
     def spheres(self) -> NDArray[np.int64]:
-        """Indices of the spheres in the crystal of the scene: all, unless a scene without a wave records others."""
+        """Indices of the spheres in the crystal of the scene: all, or those that a scene without a wave records."""
         output, atoms = self.scene.output, crystal_of(self.scene).atoms
         if self.scene.wave is not None or output.everyone:
             return np.arange(len(atoms))
@@ -184,7 +184,7 @@ class Snapshots(HasCard, HasTables):
 
     @cached_property
     def crystal(self) -> ase.Atoms:
-        """The spheres at rest; lengths in radii."""
+        """Spheres at rest, with lengths in radii."""
         atoms = crystal_of(self.scene).atoms
         return atoms if len(self.spheres) == len(atoms) else atoms[self.spheres]
 
@@ -205,7 +205,7 @@ class Snapshots(HasCard, HasTables):
 
     @property
     def step(self) -> float:
-        """Time step of the motion, τ; 0 of a run with a tolerance, which is extrapolated to that."""
+        """Time step of the motion, τ; 0 for a run with a tolerance, which is extrapolated."""
         return self.scene.time.clock.of_answer
 
     @property
@@ -213,7 +213,7 @@ class Snapshots(HasCard, HasTables):
         """Time, τ, of a step that the file counts."""
         time = self.scene.time
         every = time.sample if self.scene.wave is None else self.scene.output.particles
-        apart = time.sample * ceil(every / time.sample - 1e-9)  # as the deck has it
+        apart = time.sample * ceil(every / time.sample - 1e-9)  # as in the deck
         return time.clock.between([each.step for each in self.index[:2]], apart)
 
     def stack(self, name: str) -> NDArray[np.float64]:
@@ -221,7 +221,7 @@ class Snapshots(HasCard, HasTables):
         return self.stacks(name)[0]
 
     def stacks(self, *names: str) -> list[NDArray[np.float64]]:
-        """Return several attributes, each as of `stack`, from one reading of the file, which takes most of the time."""
+        """Return several attributes, each as from `stack`, with one slow reading of the file."""
         read = [[getattr(each, name) for name in names] for each in map(self.__getitem__, range(len(self)))]
         return [np.array([values[k] for values in read]) for k in range(len(names))]
 
@@ -247,7 +247,7 @@ class Snapshots(HasCard, HasTables):
             read = [name for name in names if name not in FOR_VIEWERS]
             return self._dimensionless(step, dict(zip(read, table.T, strict=True)))
         except (OSError, ValueError, KeyError) as error:
-            raise RunFolderError(f"{self.path}: not a dump of our spheres: {error!r}") from error
+            raise RunFolderError(f"{self.path}: not a dump of these spheres: {error!r}") from error
 
     @cached_property
     def _moved(self) -> list[Moved]:

@@ -1,11 +1,11 @@
-"""Amplitude spectra of signals that are recorded at even times, with the resolution and the noise floor of each.
+"""Amplitude spectra of evenly sampled signals, with resolution and noise floor.
 
 With the Hann window w of the whole record and the weighted mean m of the signal,
 
     A(Ω) = 2 |Σ w (x − m) e^{−iΩτ}| / Σ w
 
-so that a tone of amplitude A that lasts for the whole record has the height A at its frequency. Two tones are apart if
-their frequencies differ by more than the resolution 4π/T, half of the window's main lobe.
+so a tone of amplitude A that lasts for the whole record has the height A at its frequency. Two tones can be
+distinguished if their frequencies differ by more than the resolution 4π/T, half of the main lobe of the window.
 """
 
 from math import pi
@@ -20,7 +20,7 @@ __all__ = ["spectrum"]
 Floats = NDArray[np.float64]
 
 FEWEST = 8  # records
-_FINER = 4  # frequencies for each of an unpadded transform: between two of them a tone loses 1 % at most
+_FINER = 4  # frequencies for each of an unpadded transform: a tone between two of them loses 1 % at most
 
 
 @dataclass(frozen=True)
@@ -32,12 +32,12 @@ class Spectrum:
     frequency : (F,) array
         Ω from 0 to half the sampling rate, rad/t0.
     amplitude : (F, N) array
-        In the unit of the signals; (F,) of one signal.
+        Amplitudes in the unit of the signals; (F,) for one signal.
     resolution : float
-        Distance of two tones that are told apart, rad/t0.
+        Smallest distance between distinguishable tones, rad/t0.
     floor : (N,) array or float
-        Median of the amplitudes over all frequencies: the noise floor, as a few tones do not raise it. A peak of a few
-        times that is noise.
+        Noise floor: the median of the amplitudes over all frequencies, which a few tones do not raise. A peak of a few
+        times the floor is noise.
     """
 
     frequency: Floats
@@ -62,8 +62,8 @@ def spectrum(tau: Floats, signals: Floats) -> Spectrum:
 
     Notes
     -----
-    *Good values*: a record of many periods from which transients have been cut off, ``signals[tau > 100]``, and samples
-    of less than half a period of the highest frequency in it, as what lies above is folded down.
+    *Good values*: a record of many periods without transients, ``signals[tau > 100]``, and samples closer than half a
+    period of the highest frequency, as higher frequencies are folded down.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def spectrum(tau: Floats, signals: Floats) -> Spectrum:
     if not np.allclose(steps, steps.mean(), rtol=1e-6, atol=0.0):
         raise ValueError(f"tau: steps from {steps.min():.6g} to {steps.max():.6g}; must be even")
     if not np.isfinite(signals).all():
-        raise ValueError("signals: not finite; must be numbers, as where spheres are tracked")
+        raise ValueError("signals: not finite; must be numbers (rotations need tracked spheres)")
     length = count * float(steps.mean())
     window = 1 - np.cos(2 * pi * (np.arange(count) + 0.5) / count)
     weighted = window if signals.ndim == 1 else window[:, None]

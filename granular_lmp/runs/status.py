@@ -1,4 +1,4 @@
-"""The file ``run.json`` of a run folder: how the run was started, how far it has come, and how it ended."""
+"""File ``run.json`` of a run folder: the start, the progress and the end of the run."""
 
 import hashlib
 import json
@@ -12,23 +12,23 @@ from granular_lmp.lammps.outputs import replace_text
 from granular_lmp.runs.folder import is_held
 from granular_lmp.runs.formats import as_today, format_of
 
-SEAL = "sealed"  # entry of run.json: SHA-256 of all others
+SEAL = "sealed"  # entry of run.json: SHA-256 of all other entries
 
 
 def read_status(folder: str | Path, *, changed: bool = False) -> dict[str, Any]:
-    """Return the contents of ``run.json``; a killed run, whose status is still "running", is "interrupted".
+    """Return the contents of ``run.json``; a killed run with the status "running" becomes "interrupted".
 
     Raises
     ------
     RunFolderError
-        If the folder holds no ``run.json``, it is malformed, or was changed since it was written (without `changed`).
+        If the folder has no ``run.json``, or the file is malformed or was changed (without `changed`).
     """
     folder = Path(folder)
     info = _status(folder, changed)
     if info.get("status") == "running" and not is_held(folder):
         info = _status(folder, changed)  # the run may have ended since the file was read
         if info.get("status") == "running":
-            info |= {"status": "interrupted", "message": f"killed: {STATUS} says that it runs, and no process does"}
+            info |= {"status": "interrupted", "message": f"killed: {STATUS} says that it runs, but there is no process"}
     return info
 
 
@@ -57,15 +57,15 @@ def _status(folder: Path, changed: bool) -> dict[str, Any]:
 
 
 def how_to_accept(folder: Path, info: dict[str, Any]) -> str:
-    """Return what to do about a file that is not as the run wrote it; that of a run that did not finish stays so."""
+    """Return advice for a file that was changed since the run; only a finished run can be accepted."""
     if info["status"] != "finished":
         return "put it back, or run the scene again with force=True"
     accept = f"granular-lmp accept {quote(str(folder))}"
-    return f"put it back, run the scene again with force=True, or, if that is on purpose: {accept}"
+    return f"put it back, run the scene again with force=True, or, if the change is on purpose: {accept}"
 
 
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:
-    """Write ``run.json``, and into it the digest of all that it says."""
+    """Write ``run.json`` with a digest of its entries."""
     sealed = info | {SEAL: seal_of(info)}
     replace_text(Path(folder) / STATUS, json.dumps(sealed, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 

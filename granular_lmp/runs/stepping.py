@@ -1,8 +1,8 @@
-"""The route of another engine: it takes the steps of a deck, and what LAMMPS would write is written here.
+"""Route of another engine: it takes the steps of a deck, and this module writes the files that LAMMPS would write.
 
-These are the dumps of the centre sphere or the recorded spheres, the snapshots, the monitors, the thermo table of the
-guards, and checkpoints. A checkpoint is written by the clock, as it changes no number, and when a run is stopped; a run
-that continues from it writes the same bytes.
+They are the dumps of the centre sphere or the recorded spheres, the snapshots, the monitors, the thermo table of the
+guards, and checkpoints. A checkpoint is written at intervals of real time, as it changes no number, and when a run is
+stopped; a run that continues from it writes the same bytes.
 """
 
 import io
@@ -37,7 +37,7 @@ Write = Callable[[Moment], str | bytes]
 
 
 def route_by(engine: Engine, problem: Problem, info: dict[str, Any]) -> Route:
-    """Return the route of an engine; before a file is written it refuses, by name, what is not held."""
+    """Return the route of an engine; before writing a file it refuses, by name, what the engine does not support."""
     _refuse(problem)
     with phase("start"):
         observer, begun = Observer(problem), beginning(problem)
@@ -46,12 +46,12 @@ def route_by(engine: Engine, problem: Problem, info: dict[str, Any]) -> Route:
 
 
 def refuse_unheld(engine: Engine, problem: Problem) -> None:
-    """Raise SceneError that names what an engine does not hold of a problem with a time step."""
+    """Raise SceneError that names what an engine does not support in a problem with a time step."""
     route_by(engine, problem, description(problem, [], NETWORK, 1))
 
 
 def _refuse(problem: Problem) -> None:
-    """Raise SceneError for what the files of another engine do not hold."""
+    """Raise SceneError for data that the files of another engine do not contain."""
     scene = problem.scene
     for monitor in scene.monitor:
         if monitor.with_contacts and problem.rest.planes:
@@ -68,7 +68,7 @@ def _refuse(problem: Problem) -> None:
 
 
 def stops(problem: Problem, after: int = -1) -> list[int]:
-    """Return the steps, those after a number, after which something is recorded or seen."""
+    """Return the steps after a given number at which something is recorded or checked."""
     clock = problem.scene.time
     found = {
         *range(0, clock.steps, clock.steps_per_sample),
@@ -79,7 +79,7 @@ def stops(problem: Problem, after: int = -1) -> list[int]:
 
 
 class Recorder:
-    """Writes what a deck records."""
+    """Writer of the records of a deck."""
 
     def __init__(self, problem: Problem, begun: Beginning, observer: Observer) -> None:
         self.problem, self.begun, self.observer = problem, begun, observer
@@ -92,7 +92,7 @@ class Recorder:
             self.files[SNAPSHOTS] = apart, partial(self._spheres, spheres=all_spheres)
 
     def _samples(self) -> dict[str, Write]:
-        """Return what is written at each sample, by file."""
+        """Return the text or bytes of each sample, by file."""
         problem, found = self.problem, dict[str, Write]()
         if problem.scene.wave is None:
             forces = problem.scene.output.forces
@@ -107,7 +107,7 @@ class Recorder:
         return found
 
     def write(self, moment: Moment, streams: dict[str, IO[Any]]) -> None:
-        """Write what is due at a moment."""
+        """Write the records that are due at a moment."""
         for name, (every, text) in self.files.items():
             if moment.number % every == 0:
                 streams[name].write(text(moment))
@@ -142,7 +142,7 @@ class Recorder:
 
 
 def _steps(motion: Motion, problem: Problem, recorder: Recorder, job: Job) -> None:
-    """Take the steps of a run, or those after its checkpoint, and write its files; a stop leaves a checkpoint."""
+    """Run the steps, from the start or a checkpoint, and write the files; a stop leaves a checkpoint."""
     kept = None
     if whole_checkpoints(job.folder):
         kept = _read(last_checkpoint(job.folder, min(recorder.files)))
@@ -171,7 +171,7 @@ def _steps(motion: Motion, problem: Problem, recorder: Recorder, job: Job) -> No
 
 
 def _keep(moment: Moment, folder: Path, streams: dict[str, IO[Any]]) -> None:
-    """Write a checkpoint, behind the records that it continues."""
+    """Write a checkpoint after the records that it continues."""
     for stream in streams.values():
         stream.flush()
     content = io.BytesIO()

@@ -1,9 +1,9 @@
-"""A record as tables for other programs: columns of one length, SI units, CSV, pandas, xarray.
+"""Record as tables for other programs: columns of equal length, SI units, CSV, pandas, xarray.
 
-Of the centre sphere a line for each time: tau, p, q, phi. Of recorded spheres a line for each time and sphere, time by
-time: tau, row, column, u, v, their rates u_t and v_t, and where spheres turn phi_t = R ω; the names are those of a
-monitor and of snapshots, and in space there are w, and phix, phiy, phiz, and of several layers the layer. With
-``output.forces`` fx and fy follow, in space fz.
+The centre sphere has a line for each time: tau, p, q, phi. Recorded spheres have a line for each time and sphere, time
+by time: tau, row, column, u, v, the rates u_t and v_t, and phi_t = R ω if spheres turn. The names are those of monitors
+and snapshots. In space there are also w, phix, phiy, phiz and, with several layers, layer. With ``output.forces``, fx
+and fy follow, and fz in space.
 """
 
 import csv
@@ -41,17 +41,17 @@ _SAID = {
 
 @dataclass(frozen=True)
 class Many:
-    """Numbers of many spheres, contacts or rows over time.
+    """Values of many spheres, contacts or rows over time.
 
     Attributes
     ----------
     scene : Scene
-        Gives the units.
+        Scene that determines the units.
     tau : (T,) array
     kind : str
-        What there are many of: "sphere", "contact" or "row".
+        "sphere", "contact" or "row".
     which : dict of str to (N,) array
-        Tell them apart.
+        Labels of the spheres, contacts or rows.
     values : dict of str to (T, N) array
     """
 
@@ -62,7 +62,7 @@ class Many:
     values: Columns
 
     def columns(self) -> Columns:
-        """Return columns of one length, time by time."""
+        """Return columns of equal length, time by time."""
         times, count = len(self.tau), len(next(iter(self.which.values())))
         which = {name: np.tile(numbers, times) for name, numbers in self.which.items()}
         return {"tau": np.repeat(self.tau, count)} | which | {name: each.ravel() for name, each in self.values.items()}
@@ -72,7 +72,7 @@ class Many:
         return optional_package("pandas").DataFrame(self.columns())
 
     def to_xarray(self) -> Any:
-        """Return an ``xarray.Dataset`` of the values over tau and `kind`, with units, as of a record."""
+        """Return an ``xarray.Dataset`` of the values over tau and `kind`, with units, as for a record."""
         variables = {name: (("tau", self.kind), each, self._said(name)) for name, each in self.values.items()}
         which = {name: (self.kind, each) for name, each in self.which.items()}
         return _dataset(self.scene, variables, self.tau, which, {"force_N": force_of(self.scene)})
@@ -89,10 +89,10 @@ class Many:
 
 
 class HasTables:
-    """A record of many spheres, contacts or rows, which other programs take as a table."""
+    """Record of many spheres, contacts or rows that can be converted into a table."""
 
     def to_pandas(self) -> Any:
-        """Return a ``pandas.DataFrame`` with a line for each time and sphere, contact or row; columns as of a monitor.
+        """Return a ``pandas.DataFrame`` with a line for each time and sphere, contact or row.
 
         Raises
         ------
@@ -102,9 +102,9 @@ class HasTables:
         return self._many.to_pandas()
 
     def to_xarray(self) -> Any:
-        """Return an ``xarray.Dataset`` of the same numbers over tau and "sphere", "contact" or "row", with units.
+        """Return an ``xarray.Dataset`` of the values over tau and "sphere", "contact" or "row", with units.
 
-        Its attributes hold the scales that turn it into SI units, and ``scene``, the scene as TOML.
+        Its attributes hold the scales for SI units, and the ``scene`` as TOML.
 
         Raises
         ------
@@ -138,20 +138,20 @@ def columns(record: Any) -> Columns:
 
 
 def places_of(crystal: ase.Atoms, spheres: NDArray[np.int64], end: str = "") -> Columns:
-    """Return row and column of spheres, and in a crystal of layers the layer; −1 each of a sphere that is −1.
+    """Return row, column and, in a crystal of layers, layer of spheres; all −1 for the index −1.
 
-    `end` stands behind the names.
+    `end` is appended to the names.
     """
     names = (name for name in ("row", "column", "layer") if name in crystal.arrays)
     return {f"{name}{end}": np.where(spheres < 0, -1, crystal.arrays[name][spheres]) for name in names}
 
 
 def si(record: Any) -> Columns:
-    """Return columns of one length by name, in SI units.
+    """Return columns of equal length by name, in SI units.
 
-    Of the centre sphere ``t_s``, ``p_m``, ``q_m``, ``theta_rad``; of recorded spheres ``t_s``, ``row``, ``column``,
-    ``ux_m``, ``uy_m``, ``vx_m_s``, ``vy_m_s``, and where spheres turn ``spin_rad_s``, about z; in space ``uz_m``,
-    ``vz_m_s``, ``spinx_rad_s`` and ``spiny_rad_s`` too.
+    For the centre sphere: ``t_s``, ``p_m``, ``q_m``, ``theta_rad``. For recorded spheres: ``t_s``, ``row``, ``column``,
+    ``ux_m``, ``uy_m``, ``vx_m_s``, ``vy_m_s``, and ``spin_rad_s`` about z if spheres turn; in space also ``uz_m``,
+    ``vz_m_s``, ``spinx_rad_s`` and ``spiny_rad_s``.
     """
     scale, radius = record.scale, record.scene.sphere.radius
     unit = length_of(record.scene)
@@ -178,12 +178,12 @@ def write_csv(named: Columns, path: Path) -> None:
 
 
 def read_trajectory(path: Path, header: list[str], samples: int | None = None) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of a table over tau; `samples` is the number of its records, if that is known.
+    """Return the columns of a table over tau; `samples` is its number of records, if known.
 
     Raises
     ------
     RunFolderError
-        If it is missing or malformed, or has another number of records.
+        If the table is missing or malformed, or has another number of records.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -204,7 +204,7 @@ def read_trajectory(path: Path, header: list[str], samples: int | None = None) -
 
 
 def to_pandas(record: Any) -> Any:
-    """Return a ``pandas.DataFrame`` of `columns`; of the centre sphere tau is the index."""
+    """Return a ``pandas.DataFrame`` of `columns`, with tau as the index for the centre sphere."""
     frame = optional_package("pandas").DataFrame(columns(record))
     return frame if "row" in frame else frame.set_index("tau")
 
@@ -212,9 +212,10 @@ def to_pandas(record: Any) -> Any:
 def to_xarray(record: Any) -> Any:
     """Return an ``xarray.Dataset`` of the signals over tau, each with its unit and meaning.
 
-    Its attributes are the scales that turn it into SI units, how the run ended, and the scene as TOML: ``D0_m``,
-    ``t0_s``, ``R_m`` of the centre sphere; ``l_m`` of recorded spheres that meet or ``Delta0_m`` of those at rest under
-    load, ``t0_s``, ``R_m``, and the coordinates ``row`` and ``column``, of several layers ``layer``.
+    Its attributes are the scales for SI units, the end of the run, and the scene as TOML. For the centre sphere the
+    scales are ``D0_m``, ``t0_s``, ``R_m``. For recorded spheres they are ``l_m`` (spheres that meet) or ``Delta0_m``
+    (spheres held at rest), ``t0_s``, ``R_m``, with the coordinates ``row``, ``column`` and, for several layers,
+    ``layer``.
     """
     scene, signals = record.scene, record.signals
     variables = {
@@ -258,7 +259,7 @@ def optional_package(name: str) -> Any:
     Raises
     ------
     PackageMissingError
-        If it is not installed.
+        If the package is not installed.
     """
     try:
         return import_module(name)

@@ -19,7 +19,7 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, snapshot_at
-from granular_lmp.lammps.outputs import UNNAMED
+from granular_lmp.lammps.outputs import UNNAMED, UNNAMED_CONTACTS
 from granular_lmp.runs.readouts import FEWEST_PERIODS, HARMONICS, harmonics
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.seal import refuse_changed
@@ -32,6 +32,10 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 ENTRY = "unnamed"  # of run.json
+_ENDS = ("patom1", "patom2")
+# Forces of contacts by the words of LAMMPS for them
+_FORCES = {"force": "normal", "p4": "shear", "fx": "normal_x", "fy": "normal_y", "fz": "normal_z"}
+_FORCES |= {"p1": "shear_x", "p2": "shear_y", "p3": "shear_z"}
 _FLAT = 1e-9  # of the size of a crystal: places along an axis that differ by less are the same
 
 
@@ -200,11 +204,7 @@ class Unnamed:
 
     def _snapshot(self, number: int) -> BinarySnapshot:
         begin = int(self.begins[number])
-        with (self.folder / UNNAMED).open("rb") as stream:
-            found = snapshot_at(mmap(stream.fileno(), 0, access=ACCESS_READ), begin)
-        if found is None:
-            raise RunFolderError(f"{self.folder / UNNAMED}: the snapshot at byte {begin} is cut off")
-        return found
+        return _snapshot_of(self.folder / UNNAMED, begin)
 
     def __getitem__(self, number: int) -> Moment:
         each = self._first if number == 0 else self._snapshot(number)
@@ -309,9 +309,34 @@ class Unnamed:
 
     # --- for other programs ---
 
+    @cached_property
+    def _recorded(self) -> dict[int, int]:
+        """Step of each snapshot of the contacts that local dumps hold, and where it begins in its file."""
+        path = self.folder / UNNAMED_CONTACTS
+        return {step: begin for step, _, begin in _places(path)} if path.is_file() else {}
+
+    def recorded_contacts(self, number: int) -> dict[str, Floats]:
+        """Return the contacts of a snapshot as local dumps hold them, by the words of LAMMPS; {} without any.
+
+        ``patom1`` and ``patom2`` are the spheres, (C,); ``dist`` their distance, ``force`` the normal force and ``p4``
+        the shear force; ``fx``, ``fy``, ``fz`` and ``p1``, ``p2``, ``p3`` the components of both on the first sphere.
+        """
+        begin = self._recorded.get(int(self.steps[number]))
+        if begin is None:
+            return {}
+        each = _snapshot_of(self.folder / UNNAMED_CONTACTS, begin)
+        there = np.isin(each.table[:, [each.names.index(name) for name in _ENDS]], self.spheres).all(axis=1)
+        return dict(zip(each.names, each.table[there].T.copy(), strict=True))
+
     @property
     def contact_columns(self) -> dict[str, NDArray[Any]]:
-        """Columns of one length, a line for each time and contact: t_s, id_i, id_j, overlap_m."""
+        """Columns of one length, a line for each time and contact: t_s, id_i, id_j, overlap_m.
+
+        Where local dumps were there, these are their contacts, with the forces that they hold: normal_N, shear_N, and
+        the components of both on the sphere id_i.
+        """
+        if self._recorded:
+            return self._recorded_columns()
         found = [self.contacts(self[number]) for number in range(len(self))]
         end = {"t": "_s", "overlap": "_m"} if self.in_si else {"t": "", "overlap": ""}
         return {
@@ -320,6 +345,22 @@ class Unnamed:
             "id_j": self.spheres[np.concatenate([each.second for each in found])],
             f"overlap{end['overlap']}": np.concatenate([each.overlap for each in found]),
         }
+
+    def _recorded_columns(self) -> dict[str, NDArray[Any]]:
+        numbers = [number for number, step in enumerate(self.steps.tolist()) if step in self._recorded]
+        every = [self.recorded_contacts(number) for number in numbers]
+        if not every:
+            raise RunFolderError(f"{self.folder}: its contacts are of other steps than its spheres")
+        columns = {name: np.concatenate([each[name] for each in every]) for name in every[0]}
+        end = {name: unit if self.in_si else "" for name, unit in (("t", "_s"), ("m", "_m"), ("N", "_N"))}
+        counts = [len(each[_ENDS[0]]) for each in every]
+        one, other = (columns[name].astype(np.int64) for name in _ENDS)
+        found: dict[str, NDArray[Any]] = {f"t{end['t']}": np.repeat(self.time[numbers], counts)}
+        found |= {"id_i": one, "id_j": other}
+        if "dist" in columns:
+            radius = self.radius[np.searchsorted(self.spheres, one)] + self.radius[np.searchsorted(self.spheres, other)]
+            found[f"overlap{end['m']}"] = radius - columns["dist"]
+        return found | {f"{name}{end['N']}": columns[word] for word, name in _FORCES.items() if word in columns}
 
     @property
     def si(self) -> dict[str, NDArray[Any]]:
@@ -387,6 +428,15 @@ def load_any(folder: str | Path) -> Record | Unnamed:
 def _places(path: Path) -> list[tuple[int, float | None, int]]:
     """Return step, time and offset of each snapshot of a binary dump."""
     return [(each.step, each.time, each.begin) for each in binary_snapshots(path)]
+
+
+def _snapshot_of(path: Path, begin: int) -> BinarySnapshot:
+    """Return the snapshot of a binary dump that begins at an offset."""
+    with path.open("rb") as stream:
+        found = snapshot_at(mmap(stream.fileno(), 0, access=ACCESS_READ), begin)
+    if found is None:
+        raise RunFolderError(f"{path}: the snapshot at byte {begin} is cut off")
+    return found
 
 
 def _vector(table: Floats, names: list[str], first: str) -> Floats | None:

@@ -1,1 +1,1 @@
-"""Declared values of a scene file, checked one by one; derived values stand in `granular_lmp.rest`."""
+"""Declared values of a scene file, each checked by itself; `granular_lmp.rest` derives the others."""

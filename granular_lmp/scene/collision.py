@@ -1,11 +1,12 @@
-"""A collision of two equal spheres, or of a sphere with a rigid plane: a short declaration of a scene.
+"""Collision of two equal spheres, or of a sphere with a rigid plane: a short declaration of a scene.
 
 A collision tests one contact. The bodies touch at t = 0 with overlap 0; the normal of the first sphere at the contact
-is +x, its tangent +y, and spins are about z. In the scene that it declares (`Collision.scene_tables`) the bodies are
-one above the other: its normal is +y there, and its tangent −x. `granular_lmp.studies.collide` reads the results.
+is +x, its tangent +y, and spins are about z. The scene that it declares (`Collision.scene_tables`) has one body above
+the other: there the normal is +y and the tangent −x. `granular_lmp.studies.collide` reads the results.
 
-By the law "jkr" the contact snaps in at overlap 0, where it pulls with (8/9) F at once, and holds until the pull is the
-largest, F, or with ``contact.parting = "distance"`` until the distance is, at `Collision.pull_off_distance` beyond 0.
+With the law "jkr" the contact snaps in at overlap 0, where it pulls with (8/9) F at once. It holds until the pull
+reaches its maximum F; with ``contact.parting = "distance"``, until the distance reaches its maximum
+(`Collision.pull_off_distance`).
 """
 
 from collections.abc import Mapping
@@ -33,8 +34,8 @@ __all__ = ["Collision"]
 
 TANGENTIAL_LAWS = (*SHEAR_LAWS, RESCALED, "none")
 RECORDS = 500  # fewest records in a contact time
-LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of them for this one
-_SLACK = 1e-12  # a step that is longer by less than the slack of a sample, so that rounding makes none shorter
+LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, here 8e6 bins
+_SLACK = 1e-12  # makes the step longer by less than the slack of a sample, so that rounding does not make it shorter
 _SHIPPED_COLLISIONS = SHIPPED / "collisions"
 # ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
 _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
@@ -45,11 +46,13 @@ class Contact:
     """Contact law."""
 
     normal: str = choice(f"hertz: without adhesion; {words_of_laws()}", NORMAL_LAWS, default="dmt")
-    shear: str = choice("what the shear force follows", TANGENTIAL_LAWS, default="secant")
-    parting: str = choice("where jkr ends: largest pull, or distance (by the kernel)", (LOAD, DISTANCE), default=LOAD)
+    shear: str = choice("law of the shear force", TANGENTIAL_LAWS, default="secant")
+    parting: str = choice(
+        "where a jkr contact ends: at the largest pull, or distance (needs the kernel)", (LOAD, DISTANCE), default=LOAD
+    )
     friction: float = number("", "mu", 0.0, 1e4, default=0.0)
-    restitution: float = number("", "e of an impact along the normal", 0.01, 1.0, default=1.0)
-    shear_damping: float = number("", "of shear over that of normal motion", 0.0, 100.0, default=0.0)
+    restitution: float = number("", "e, for an impact along the normal", 0.01, 1.0, default=1.0)
+    shear_damping: float = number("", "dashpot of shear over dashpot of normal motion", 0.0, 100.0, default=0.0)
 
 
 @dataclass(frozen=True)
@@ -72,9 +75,9 @@ class Collision(Document):
     Raises
     ------
     SceneError
-        If the values contradict each other: a restitution below 1 with adhesion, the law "jkr" without adhesion, a
-        spin of the plane, adhesion that reaches beyond the neighbour list, an impact so fast that the overlap is no
-        longer small.
+        If the values contradict each other: a restitution below 1 with adhesion, the law "jkr" without adhesion, a spin
+        of the plane, adhesion that reaches beyond the neighbour list, or an impact so fast that the overlap is not
+        small.
     """
 
     layout = Layout(
@@ -89,23 +92,23 @@ class Collision(Document):
         if self.contact.normal != HERTZ and self.contact.restitution < 1:
             raise SceneError(
                 f"contact.restitution = {self.contact.restitution!r}: must be 1 with contact.normal = "
-                f'"{self.contact.normal}"; LAMMPS has no law of restitution with adhesion, take "hertz"'
+                f'"{self.contact.normal}"; LAMMPS has no law of restitution with adhesion; use "hertz"'
             )
         if self._law.beyond and not self.sphere.work_of_adhesion:
             raise SceneError(
                 f"sphere.work_of_adhesion = {self.sphere.work_of_adhesion!r}: must be above 0 with contact.normal = "
-                f'"{self.contact.normal}"; without adhesion take "hertz"'
+                f'"{self.contact.normal}"; use "hertz" without adhesion'
             )
         if self.collision.partner == "plane" and self.collision.partner_spin:
             raise SceneError(
-                f"collision.partner_spin = {self.collision.partner_spin!r}: must be 0, the plane is at rest"
+                f"collision.partner_spin = {self.collision.partner_spin!r}: must be 0, as the plane is at rest"
             )
 
         reach = self.pull_off_distance / self.sphere.radius
         if reach > SKIN:
             raise SceneError(
                 f"sphere.work_of_adhesion = {self.sphere.work_of_adhesion!r}: the contact would hold until {reach:.3g} "
-                f"radii beyond overlap 0; at most {SKIN} is allowed, where the neighbour list of LAMMPS ends"
+                f"radii beyond overlap 0; must be at most {SKIN}, where the neighbour list of LAMMPS ends"
             )
         ratio = (self.elastic_overlap + self.static_overlap) / (2 * self.sphere.radius)
         if ratio > LARGEST_OVERLAP_RATIO:
@@ -117,7 +120,7 @@ class Collision(Document):
         path = speed * self.collision.duration * self.elastic_contact_time / self.sphere.radius
         if path > LONGEST_PATH:
             raise SceneError(
-                f"collision.tangential_velocity = {self.collision.tangential_velocity!r}: the sphere would go "
+                f"collision.tangential_velocity = {self.collision.tangential_velocity!r}: the sphere would travel "
                 f"{path:.3g} radii in collision.duration; at most {LONGEST_PATH:g} are allowed"
             )
 
@@ -125,7 +128,7 @@ class Collision(Document):
 
     @classmethod
     def load(cls, source: str | Path, changes: Mapping[str, Any] | None = None) -> Self:
-        """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``, as for `Scene.load`."""
+        """Return a collision from a TOML file, or a shipped one by its name, as for `Scene.load`."""
         found = first_file(source, (Path(source), _SHIPPED_COLLISIONS / f"{source}.toml"))
         if found is None:
             shipped = sorted(path.stem for path in _SHIPPED_COLLISIONS.glob("*.toml"))
@@ -134,13 +137,13 @@ class Collision(Document):
 
     @classmethod
     def has(cls, key: str) -> bool:
-        """Return whether a dotted key is one of a collision."""
+        """Return whether a collision has a dotted key."""
         keys = {table: declared_keys(kind, cls.layout.rules.get(table)) for table, kind in cls.layout.sections.items()}
         return key in ("name", "description", *(f"{table}.{each.name}" for table in keys for each in keys[table]))
 
     @classmethod
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the tables with a contact, and spheres without adhesion, where they are not declared."""
+        """Return the tables with the defaults: a contact, and spheres without adhesion."""
         given = {"contact": {}, **tables}
         if isinstance(given.get("sphere"), Mapping):
             given["sphere"] = {"work_of_adhesion": 0.0, **given["sphere"]}  # spheres that meet need not be adhesive
@@ -185,7 +188,7 @@ class Collision(Document):
 
     @property
     def rubs(self) -> bool:
-        """True if shear forces act at the contact, which turn the spheres."""
+        """True if shear forces act at the contact and turn the spheres."""
         return self.contact.friction > 0 and self.contact.shear != "none"
 
     @property
@@ -214,7 +217,7 @@ class Collision(Document):
 
     @property
     def law(self) -> AdhesionLaw:
-        """Law of the contact; a rigid plane doubles E* and G* of two spheres."""
+        """Law of the contact; a rigid plane doubles the E* and G* of two spheres."""
         sphere, bodies = self.sphere, 2 if self.on_plane else 1
         adhesion = 0.0 if self.contact.normal == HERTZ else sphere.work_of_adhesion
         return self._law.between(
@@ -233,31 +236,32 @@ class Collision(Document):
 
     @property
     def static_overlap(self) -> float:
-        """Overlap Δ0 without an outer force, m."""
+        """Overlap Δ0 without an external force, m."""
         return float(self.law.overlap_under(0.0))
 
     @property
     def pull_off_distance(self) -> float:
         """Distance beyond overlap 0 at which the contact ends, m.
 
-        By the law "jkr" it is 2^{−4/3} Δ0 = (3π² w² Rc/64 E*²)^{1/3}, where the pull is F and a constant load would
-        part the bodies. The published loss of a collision takes the contact to 6^{−4/3} 9 Δ0, twice as far, where it
-        ends if the distance is prescribed, ``contact.parting = "distance"`` (`cases.pull_off.jkr`).
+        With the law "jkr" it is 2^{−4/3} Δ0 = (3π² w² Rc/64 E*²)^{1/3}, where the pull is F and a constant load would
+        separate the bodies. If the distance is prescribed, the contact holds twice as far, to 6^{−4/3} 9 Δ0. The
+        published loss of a collision assumes this distance, which ``contact.parting = "distance"`` selects
+        (`cases.pull_off.jkr`).
         """
         return -float(self.law.pull_off_overlap) * (self.law.later if self.contact.parting == DISTANCE else 1.0)
 
     @property
     def elastic_overlap(self) -> float:
-        """Hertz's largest overlap δ_m = (5 m* v²/4A)^{2/5}, m (Timoshenko & Goodier, § 140)."""
+        """Largest overlap of a Hertz contact, δ_m = (5 m* v²/4A)^{2/5}, m (Timoshenko & Goodier, § 140)."""
         return (5 * self.effective_mass * self._speed**2 / (4 * self.normal_coefficient)) ** (2 / 5)
 
     @property
     def elastic_contact_time(self) -> float:
-        """Hertz's contact time 2.943 δ_m/v, s."""
+        """Contact time of a Hertz contact, 2.943 δ_m/v, s."""
         return 2 * _HALF_CONTACT * self.elastic_overlap / self._speed
 
     @property
     def _speed(self) -> float:
-        """Speed v, m/s, at the overlap at rest: m* (v² − v_closing²)/2 is the work of adhesion up to there."""
+        """Speed v at the overlap at rest, m/s: m* (v² − v_closing²)/2 is the work of adhesion up to this overlap."""
         work = self.law.closing_work * self.pull_off_force * self.static_overlap
         return sqrt(self.closing_speed**2 + 2 * work / self.effective_mass)

@@ -1,4 +1,4 @@
-"""The tables of a scene file in their order; `granular_lmp.rest.scene` checks what they say together."""
+"""Tables of a scene file in their order; `granular_lmp.rest.scene` checks their combinations."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -93,11 +93,11 @@ class Declaration(Document):
 
     @property
     def beside(self) -> dict[str, Iterable[str]]:
-        """Name → text, in pieces, of the files that its scene file names: the table of spheres."""
+        """Name → text, in pieces, of each file that the scene file names: the table of spheres."""
         return {str(self.packing.table): self.packing.table.pieces()} if self.packing.table else {}
 
     def write(self, path: str | Path) -> None:
-        """Write the scene into a file that `load` reads, and beside it the table of its spheres, if it has one."""
+        """Write the scene into a file that `load` reads, and the table of its spheres, if any, beside it."""
         for name, pieces in self.beside.items():
             with Path(path).with_name(name).open("w", encoding="utf-8") as stream:
                 stream.writelines(pieces)
@@ -109,7 +109,7 @@ class Declaration(Document):
 
     @classmethod
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the tables, after those and keys are refused that such a scene cannot have."""
+        """Return the tables; raise SceneError for a table or key that such a scene cannot have."""
         refuse_tables(tables)
         return tables
 

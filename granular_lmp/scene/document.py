@@ -1,4 +1,4 @@
-"""A declared document, a scene or a collision: a name and sections of keys, read from TOML and written back."""
+"""Declared document (a scene or a collision): a name and sections of keys, read from TOML and written back."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -36,17 +36,17 @@ class Layout:
     rules : mapping
         TOML table → rules, for records that carry none.
     attributes : mapping
-        TOML table → attribute that holds its record, where that has another name.
+        TOML table → attribute that holds its record, if the attribute has another name.
     repeated : mapping of str to type
-        Array of tables → the type of each of its records. Only what differs from a default is written.
+        Array of tables → the type of its records. Only values that differ from a default are written.
     optional : tuple of str
         Sections that are written only if they differ from their defaults.
     none_if_left_out : tuple of str
-        Sections whose record is None where the document does not have them.
+        Sections whose record is None if the document does not have them.
     exclusive : mapping
         Dotted key → keys that it replaces: a document never holds both, and `with_values` of the key removes them.
     variants : mapping of str to Variant
-        Kinds of the document by name: keys may have other defaults in them, or not be there.
+        Kinds of the document by name; a kind may change defaults of keys, or refuse keys.
     """
 
     sections: Mapping[str, type]
@@ -81,7 +81,7 @@ class Document:
     ----------
     name : str
     description : str
-        One line for a list of documents; it changes nothing of a run.
+        One line for a list of documents, without effect on a run.
     layout : Layout
     """
 
@@ -91,7 +91,7 @@ class Document:
 
     @classmethod
     def read(cls, file: Path, changes: Mapping[str, Any] | None = None) -> Self:
-        """Return the document in a TOML file, some of its values changed before any is checked (`changed`).
+        """Return the document in a TOML file; `changes` apply before any value is checked (`changed`).
 
         Errors of an unchanged file begin with its path.
         """
@@ -111,12 +111,12 @@ class Document:
 
     @classmethod
     def _located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Return the tables with the names of files, which are relative to `folder`, relative to the current one."""
+        """Return the tables with names of files relative to the current folder; they are given relative to `folder`."""
         return tables
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
-        """Return the document of nested mappings, as `to_dict` gives them; every key and value is checked."""
+        """Return the document that nested mappings declare (see `to_dict`); every key and value is checked."""
         tables, layout = plain_value(tables), cls.layout
         refuse_unknown(tables, ("name", "description", *layout.sections, *layout.repeated), "")
         name = checked_name(tables, default or cls.__name__.lower(), "the files of the run")
@@ -132,12 +132,12 @@ class Document:
 
     @classmethod
     def _of_fields(cls, values: Mapping[str, Any]) -> Self:
-        """Return the document of its fields."""
+        """Return the document with these fields."""
         return cls(**values)
 
     @classmethod
     def _variant_of(cls, tables: Mapping[str, Any]) -> str:
-        """Return the name of the kind of document that tables are of."""
+        """Return the name of the kind of document that the tables declare."""
         return ""
 
     @property
@@ -155,7 +155,7 @@ class Document:
 
     @classmethod
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the tables with other ways to say something in the keys of the sections."""
+        """Return the tables in which alternative keys are translated into the keys of the sections."""
         return tables
 
     @classmethod
@@ -188,7 +188,7 @@ class Document:
         return self.layout.keys_of(table, self._variant)
 
     def given(self) -> dict[str, Any]:
-        """Return nested plain values without the defaults, which never change: what a file has to say."""
+        """Return nested plain values without defaults, which never change: what a file must contain."""
         tables = self.to_dict()
         for key in self.layout.sections:
             defaults, table = {each.name: each.default for each in self.keys_of(key)}, tables.pop(key, {})
@@ -200,7 +200,7 @@ class Document:
     def to_toml(self, *, full: bool = False) -> str:
         """Return TOML text that `loads` reads back to an equal document, with a comment behind each value.
 
-        With `full` it holds the defaults too.
+        With `full` the text includes the defaults.
         """
         return self._text(self.to_dict()) if full else self._toml
 
@@ -230,25 +230,25 @@ class Document:
 
     @classmethod
     def changed(cls, tables: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return tables, checked or not, with values of dotted keys in place of theirs."""
+        """Return tables, checked or not, with the values of dotted keys replaced."""
         cls._refuse_part(tables, changes)
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             inner = cls._table(tables, key, table)
             if not isinstance(inner, dict):
-                break  # the table is a value, here or by an earlier change, which is the error to report
+                break  # a value, or an earlier change, stands in place of the table: report this as the error
             for other in cls.layout.exclusive.get(key, ()):
                 if other not in changes:
                     inner.pop(other.rpartition(".")[2], None)
-            inner[name] = deepcopy(value)  # a later key may change a part of it
+            inner[name] = deepcopy(value)  # a later key may change a part of the copy
         return tables
 
     @classmethod
     def _refuse_part(cls, tables: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
-        """Raise SceneError if changes make only a part of a table that the document does not have."""
+        """Raise SceneError if changes set only some keys of a table that the document does not have."""
 
     def replace(self, **tables: Any) -> Self:
-        """Return a copy with other tables, each a record, or a sequence of records: ``scene.replace(striker=())``.
+        """Return a copy with tables replaced by a record or a sequence of records: ``scene.replace(striker=())``.
 
         ``None`` or an empty sequence leaves a table out. `with_values` changes single values.
 
@@ -267,7 +267,7 @@ class Document:
         return {key: table for key, table in plain_tables.items() if table not in (None, {}, [])}
 
     def value(self, key: str) -> Any:
-        """Return the value of a dotted key, as `with_values` takes it; None if no field of the scene holds it."""
+        """Return the value of a dotted key, as `with_values` takes it; None if no field of the scene holds the key."""
         table, _, name = key.rpartition(".")
         section, _, number = table.partition(".")
         record = getattr(self, self.layout.attributes.get(section, section), None)
@@ -276,7 +276,7 @@ class Document:
 
     @classmethod
     def _table(cls, tables: dict[str, Any], key: str, table: str) -> Any:
-        """Return the table of a dotted key: a section, or "inclusion.1" for the first of an array of tables."""
+        """Return the table of a dotted key: a section, or "inclusion.1" for the first table of an array."""
         name, _, number = table.partition(".")
         if name in cls.layout.repeated and number:
             there = tables.get(name, [])
@@ -291,19 +291,19 @@ class Document:
 
 
 def _lists(value: Any) -> Any:
-    """Return a value with the tuples in it as lists, which is how files and commands give them."""
+    """Return a value with its tuples as lists, as files and commands give them."""
     return [_lists(each) for each in value] if isinstance(value, tuple) else value
 
 
 def note(key: str, document: Document | type[Document]) -> str:
-    """Return the comment behind a key in a document or a kind of them, mostly a unit, for a dotted key."""
+    """Return the comment behind a dotted key in a document, mostly its unit."""
     return rule_of(key, document).note
 
 
 def rule_of(key: str, document: Document | type[Document]) -> Rule:
-    """Return the rule of a dotted key in a document or a kind of them; KeyError if there is none."""
+    """Return the rule of a dotted key in a document; KeyError if there is none."""
     if key == "wave.wavevector":
         return Rule(float, "rad per lattice constant", "[kx, ky], in place of wavenumber and direction")
-    table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
+    table, *_, name = key.split(".")  # "source.1.frequency" belongs to the first [[source]]
     keys = declared_keys(document.layout.tables[table], document.layout.rules.get(table))
     return {each.name: each.rule for each in keys}[name]

@@ -1,7 +1,7 @@
-"""The forms of a wave: how it begins, and all that scenes, quiet ends, decks and studies know of that.
+"""Forms of a wave: how it begins, and all that scenes, quiet ends, decks and studies know about its form.
 
-A form that is made of running waves is one entry here. One that moves spheres in another way has its fields in
-`granular_lmp.rest.initial_fields` and its lines in `granular_lmp.lammps.start`, too.
+A form that consists of running waves is one entry here. A form that moves spheres in another way also has its fields in
+`granular_lmp.rest.initial_fields` and its lines in `granular_lmp.lammps.start`.
 """
 
 from granular_lmp.frozen import dataclass
@@ -16,15 +16,15 @@ class Form:
     name : str
         Value of the key.
     meaning : str
-        How the key says it.
+        Explanation of the form in the note of the key.
     forward : float
-        Amplitude at τ = 0 of the wave that runs along k, in D0.
+        Amplitude at τ = 0, in D0, of the wave that runs along k.
     backward : float
-        Amplitude at τ = 0 of its time reversal, which has the same displacements and runs back.
+        Amplitude at τ = 0, in D0, of its time reversal: it has the same displacements and runs back.
     driven : bool
-        True if all is at rest at τ = 0, and the first row is moved from then on.
+        True if all is at rest at τ = 0, and the first row is moved afterwards.
     words : str
-        How it is said beside the mode; "" if it is not.
+        Words beside the mode; "" if none are needed.
     """
 
     name: str
@@ -36,32 +36,32 @@ class Form:
 
     @property
     def fills(self) -> bool:
-        """True if the crystal is filled with the wave at τ = 0, or its envelope is."""
+        """True if the wave fills the crystal, or its envelope, at τ = 0."""
         return self.halves > 0
 
     @property
     def waves(self) -> bool:
-        """True if there is a wave; otherwise it is only the unit of what shakes or strikes the crystal."""
+        """True if there is a wave; otherwise it only sets the units of what shakes or strikes the crystal."""
         return self.fills or self.driven
 
     @property
     def runs(self) -> bool:
-        """True if it begins as the wave that runs along k alone."""
+        """True if it begins only as the wave that runs along k."""
         return self.forward == 1.0 and not self.backward
 
     @property
     def halves(self) -> int:
-        """Number of waves of which it is made, which run apart."""
+        """Number of running waves that make up the form and separate later."""
         return bool(self.forward) + bool(self.backward)
 
     @property
     def displacement(self) -> float:
-        """Displacements at τ = 0, in those of the running wave."""
+        """Displacements at τ = 0 over those of the running wave."""
         return self.forward + self.backward
 
     @property
     def velocity(self) -> float:
-        """Velocities at τ = 0, in those of the running wave."""
+        """Velocities at τ = 0 over those of the running wave."""
         return self.forward - self.backward
 
 
@@ -78,4 +78,4 @@ FORMS = {
 MEANING = f"{', '.join(_OTHERS)}, or {_LAST}"  # of the key
 STILL = tuple(name for name, form in FORMS.items() if not form.waves)  # the crystal is shaken or struck
 DRIVEN = tuple(name for name, form in FORMS.items() if form.driven)
-NO_WAVE = FORMS["none"]  # that of a scene without [wave], too
+NO_WAVE = FORMS["none"]  # also the form of a scene without [wave]

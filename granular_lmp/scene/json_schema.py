@@ -1,7 +1,7 @@
 """Keys of a scene file, and their JSON Schema, for completion in editors.
 
-Both are generated from the declarations in `granular_lmp.scene.sections`, so neither can differ from what the reader
-checks. Only `Scene` checks combinations of values.
+Both are generated from the declarations in `granular_lmp.scene.sections`, which the reader checks too. Only `Scene`
+checks combinations of values.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ class Key:
     section, name : str
     rule : Rule
     default : Any
-        None where the key must be given, and for those that take the place of another, as ``time.tolerance`` does.
+        None if the key must be given, or takes the place of another one as ``time.tolerance`` does.
     required : bool
         The key has no default, or one that the reader refuses.
     """
@@ -64,8 +64,8 @@ def _allowed(rule: Rule, value: Any) -> bool:
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scene file.
 
-    A scene with ``[wave]`` and one without it have other keys: "then" holds the first, "else" the second. There "then"
-    holds those of a crystal at rest under load, "else" those of spheres that meet.
+    Scenes with and without ``[wave]`` have different keys: "then" holds the keys beside a wave, "else" the others.
+    Within "else", a second "then" is for a crystal at rest under load, and a second "else" for spheres that meet.
     """
     head = {"$schema": DIALECT, "title": "A scene of granular-lmp"}
     held, not_held = (_moving(_tables(variant)) for variant in (HELD, NOT_HELD))
@@ -78,7 +78,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _moving(tables: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of a scene without a wave, which has one of the tables that move its spheres."""
+    """Return the schema of a scene without a wave; one of its tables must move its spheres."""
     return tables | {"anyOf": [{"required": [table]} for table in MOVING_TABLES if table in tables["properties"]]}
 
 
@@ -88,7 +88,7 @@ def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
     return {"properties": {table: inner}, "required": [table]}
 
 
-# As `granular_lmp.scene.without_wave.holds` has it
+# The same conditions as in `granular_lmp.scene.without_wave.holds`
 _AT_REST = {
     "anyOf": [
         _having("sphere", work_of_adhesion={"exclusiveMinimum": 0}),

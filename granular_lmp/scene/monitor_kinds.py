@@ -1,7 +1,7 @@
-"""The kinds of monitors: what each records, in which units, and how errors, exports and plots take it.
+"""Kinds of monitors: what each records, its units, and how error estimates, exports and plots treat it.
 
-A new kind is one entry here. What it computes from motion and contacts stands in `granular_lmp.runs.monitors`; a dump
-that no kind has had before is written by `granular_lmp.lammps.monitors`, too.
+A new kind is one entry here. `granular_lmp.runs.monitors` computes its quantities from motion and contacts. If it needs
+a new kind of dump, `granular_lmp.lammps.monitors` writes the dump.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from granular_lmp.scene.schema import either
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as powers of those of force, displacement, time, radius and overlap, with its name in SI units."""
+    """Unit as powers of the units of force, displacement, time, radius and overlap, with its name in SI units."""
 
     si: str
     force: int = 0
@@ -22,10 +22,10 @@ class Unit:
     overlap: int = 0
 
     def words(self, length: str, overlap: str, *, of_impact: bool) -> str:
-        """Return it in words, "k1 D0^2/t0", for a unit of displacements and one of overlaps, by name.
+        """Return the unit in words, "k1 D0^2/t0", given the names of the units of displacement and overlap.
 
-        The unit of force is k1 of a contact at rest times that of displacements; in an impact it is m times that over
-        t0².
+        The unit of force is k1 of a contact at rest times the unit of displacement; in an impact it is m times the unit
+        of displacement over t0².
         """
         powers = [
             ("m" if of_impact else "k1", self.force),
@@ -40,16 +40,16 @@ class Unit:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that is recorded of a sphere, of a contact or of a row at each sample.
+    """Number that is recorded for a sphere, a contact or a row at each sample.
 
     Attributes
     ----------
     meaning : str
     unit : Unit
     symbol : str
-        Label of plots, of an angle times R; "" if it is not drawn.
+        Label in plots, where an angle is multiplied by R; "" if it is not drawn.
     product : tuple of str
-        Of a sum of products over a row the kinds of their factors, "rate" or "force", from which its noise follows.
+        For a sum of products over a row: kinds of the factors, "rate" or "force", which determine its noise.
     """
 
     meaning: str
@@ -60,18 +60,18 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Kind:
-    """Kind of a monitor: what it records.
+    """Kind of monitor: what it records.
 
     Attributes
     ----------
     of : str
-        What it has numbers of: "sphere", "contact", or "row" for whole rows.
+        What its numbers describe: "sphere", "contact", or "row" for whole rows.
     quantities : dict of str to Quantity
-        Those numbers, by name. Of motion there are rates, NAME_t, too; vectors in space are NAME_x, NAME_y, NAME_z.
+        Its numbers, by name. Quantities of motion have rates NAME_t too; vectors in space are NAME_x, NAME_y, NAME_z.
     contacts : bool
-        True if the forces of contacts are recorded beside the motion of the spheres.
+        True if contact forces are recorded beside the motion of the spheres.
     words : str
-        How the key says it; "" of the default.
+        Explanation in the note of the key; "" for the default.
     """
 
     of: str
@@ -98,7 +98,7 @@ KINDS = {
             "normal": Quantity("normal force of the contact, positive where it pushes", _FORCE, "normal force"),
             "shear": Quantity("shear force of the contact", _FORCE, "shear force"),
             "overlap": Quantity("overlap of the contact", Unit("m", overlap=1), "overlap"),
-            "rolling": Quantity("torque of the roll", Unit("Nm", force=1, radius=1)),
+            "rolling": Quantity("rolling torque", Unit("Nm", force=1, radius=1)),
         },
         contacts=True,
         words="motion and contact forces",
@@ -111,7 +111,7 @@ KINDS = {
             )
         },
         contacts=True,
-        words="these of rows, for energy",
+        words="the same for whole rows, for energy",
     ),
 }
 QUANTITIES = {name: quantity for kind in KINDS.values() for name, quantity in kind.quantities.items()}
@@ -122,5 +122,5 @@ WITHOUT_CONTACTS = either(name for name, kind in KINDS.items() if not kind.conta
 
 
 def quantity_of(column: str, known: Mapping[str, Quantity] = QUANTITIES) -> Quantity | None:
-    """Return the quantity of a column NAME, NAME_t or NAME_x; None if it is none of those that are known."""
+    """Return the quantity of a column NAME, NAME_t or NAME_x; None if the column is unknown."""
     return known.get(column.partition("_")[0])

@@ -1,8 +1,8 @@
 """Monitors: spheres whose motion is recorded beside the centre sphere, with the forces of their contacts if wanted.
 
-A monitor has spheres, and records at every sample of the run their displacement, velocity, angle and spin, and what its
-kind says (`granular_lmp.scene.monitor_kinds`). Recording changes no motion. What a run leaves is read by
-`granular_lmp.runs.monitors`.
+At every sample of the run a monitor records the displacement, velocity, angle and spin of its spheres, and the
+quantities of its kind (`granular_lmp.scene.monitor_kinds`). Recording does not change the motion.
+`granular_lmp.runs.monitors` reads the records.
 """
 
 from collections.abc import Sequence
@@ -29,26 +29,26 @@ from granular_lmp.scene.places import (
 )
 from granular_lmp.scene.schema import NameRule, choice
 
-# LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
+# LAMMPS has 32 groups. A monitor takes one, or two with contacts; a source takes one; the rest of a deck at most 8
 MOST_GROUPS = 24
 _CONTACT_LINE = 110  # bytes
 
 
 @dataclass(frozen=True)
 class Monitor:
-    """Spheres, and what is recorded of them.
+    """Spheres, and what is recorded about them.
 
     Attributes
     ----------
     name : str
-        Names the files of the run and the columns of a sweep.
+        Part of the names of its files and of columns of a sweep.
     rows : (first, last)
-        All spheres of these rows and of those between, counted from 0; or
+        All spheres from the first to the last row, counted from 0; or
     spheres : sequence of (row, column)
     layers : (first, last)
-        Layers along z to which these are confined; a crystal of several needs them for single spheres.
+        Layers along z that contain these spheres; must be given for single spheres in a crystal of several layers.
     what : str
-        Its kind.
+        Kind of monitor.
     """
 
     name: str = field(default="", metadata={"rule": NameRule(str, "", "of its files, and of columns of a sweep")})
@@ -74,12 +74,12 @@ class Monitor:
 
     @property
     def span(self) -> tuple[int, int]:
-        """First and last row in which it has spheres."""
+        """First and last row with its spheres."""
         rows = self.rows or [row for row, _ in self.spheres]
         return min(rows), max(rows)
 
     def breadth(self, columns: int) -> tuple[int, int]:
-        """Return the first and the last column in which it has spheres, in a packing of so many columns."""
+        """Return the first and the last column with its spheres, in a packing with this number of columns."""
         own = [0, columns - 1] if self.rows else [column for _, column in self.spheres]
         return min(own), max(own)
 
@@ -94,7 +94,7 @@ class PlacedMonitor:
     spheres : (n,) int array
         Indices of its spheres, ascending.
     around : (m,) int array
-        Indices of these and of all spheres that they touch or may come to touch; empty for motion alone.
+        Indices of its spheres and of all spheres that they touch or may touch later; empty if only motion is recorded.
     """
 
     monitor: Monitor
@@ -109,7 +109,7 @@ class PlacedMonitor:
 
     @property
     def bytes(self) -> int:
-        """Size of a record, about: 13 doubles a sphere, and with contacts three lines of text a sphere."""
+        """Approximate size of a record: 13 doubles per sphere and, with contacts, three lines of text per sphere."""
         return 104 * len(self.spheres) + 3 * _CONTACT_LINE * len(self.around)
 
 
@@ -125,14 +125,14 @@ def placed_monitors(
         Spheres at rest.
     shape : Shape
     contacts : Contacts, optional
-        Contacts of all spheres; None for a perfect lattice, whose spheres touch those of the next rows only.
+        Contacts of all spheres; None for a perfect lattice, where spheres touch only their own and adjacent rows.
     unrecorded : sequence of str
-        Effects that are on and whose forces or torques the record of contacts may lack.
+        Active effects whose forces or torques the record of contacts may lack.
 
     Raises
     ------
     SceneError
-        If a place is empty, an effect has torques that no record holds, or contacts reach beyond the next row.
+        If a place is empty, an effect has torques that are not recorded, or contacts reach beyond the next row.
     """
     found = []
     for each in monitors:
@@ -160,20 +160,20 @@ def placed_monitors(
 
 
 def _far(contacts: Contacts, crystal: ase.Atoms, shape: Shape) -> bool:
-    """Return whether two spheres touch that are not in the same row or in rows next to each other."""
+    """Return whether two spheres touch although their rows are neither equal nor adjacent."""
     row, pairs = crystal.arrays["row"], ~contacts.on_wall
     return bool((np.abs(row_step((row[contacts.j] - row[contacts.i])[pairs], shape)) > 1).any())
 
 
 def row_step(difference: NDArray[np.int64], shape: Shape) -> NDArray[np.int64]:
-    """Return differences of rows by the shorter way: across the ends of a periodic cell."""
+    """Return differences of rows, the shorter way round a periodic cell."""
     if not shape.along_y:
         return difference
     return (difference + shape.rows // 2) % shape.rows - shape.rows // 2
 
 
 def _around(monitor: Monitor, crystal: ase.Atoms, shape: Shape) -> NDArray[np.int64]:
-    """Return the spheres of a monitor and all that may touch one: in the rows around it, within 3 radii along x."""
+    """Return the spheres of a monitor and all that may touch one of them: in adjacent rows, within 3 radii along x."""
     row, x = crystal.arrays["row"], crystal.positions[:, 0]
     if monitor.rows:
         first, last = monitor.rows
@@ -190,7 +190,7 @@ def _around(monitor: Monitor, crystal: ase.Atoms, shape: Shape) -> NDArray[np.in
 
 
 def check_groups(monitors: Sequence[PlacedMonitor], sources: int) -> None:
-    """Check that LAMMPS has groups enough for monitors beside a number of sources."""
+    """Raise SceneError if LAMMPS has too few groups for the monitors beside a number of sources."""
     groups = len(monitors) + sum(each.monitor.with_contacts for each in monitors) + sources
     if monitors and groups > MOST_GROUPS:
         raise SceneError(

@@ -1,4 +1,4 @@
-"""Places in a packing: whole rows, or single spheres by row and column, as sources, monitors and strikers name them."""
+"""Places in a packing, for sources, monitors and strikers: whole rows, or single spheres by row and column."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import field
@@ -30,16 +30,16 @@ def spheres_rule(meaning: str = "[row, column] of each") -> ArrayRule:
 
 
 def places_field(rule: ArrayRule) -> Any:
-    """Return a dataclass field for places, by default none."""
+    """Return a dataclass field for places; the default is none."""
     return field(default=(), metadata={"rule": rule})
 
 
-LAYERS_RULE = rows_rule("first and last layer along z, counted from 0, to which these are confined")
+LAYERS_RULE = rows_rule("first and last layer along z, counted from 0, that contain them")
 
 
 @dataclass(frozen=True)
 class AtPlaces:
-    """Whole rows or single spheres of a packing, in all layers or in some, and something that is done to them."""
+    """Whole rows or single spheres of a packing, in all layers or some."""
 
     rows: Rows = places_field(rows_rule())
     spheres: Spheres = places_field(spheres_rule())
@@ -47,15 +47,15 @@ class AtPlaces:
 
     @property
     def places(self) -> str:
-        """The spheres in words."""
+        """Rows or spheres in words."""
         return in_words(self.rows, self.spheres, self.layers)
 
     def rows_of(self) -> list[int]:
-        """Return the rows in which it has spheres, first and last of each run of them."""
+        """Return the first and last row of each block of rows with its spheres."""
         return list(self.rows) if self.rows else sorted({row for row, _ in self.spheres})
 
     def marks(self, column: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return rows and columns of its spheres; of whole rows those of one column."""
+        """Return the rows and columns of its spheres; for whole rows, of one column."""
         rows = range(self.rows[0], self.rows[1] + 1) if self.rows else ()
         places = [*((row, column) for row in rows), *self.spheres]
         first, second = np.array(places, dtype=int).reshape(-1, 2).T
@@ -67,7 +67,7 @@ class AtPlaces:
 
 
 def counting_trouble(at: Sequence[AtPlaces], rows: int | str, columns: int | str, table: str) -> str:
-    """Return what is wrong if rows, or for single spheres columns, that a table counts are "auto"; "" if nothing is."""
+    """Return an error if a table counts rows or columns that are "auto"; "" if there is none."""
     if at and isinstance(rows, str):
         return f"packing.rows = {rows!r}: must be a number with {table}, which counts rows"
     if isinstance(columns, str) and any(each.spheres for each in at):
@@ -82,9 +82,9 @@ def in_words(rows: Rows, spheres: Spheres, layers: Rows = ()) -> str:
 
 
 def place_troubles(rows: Rows, spheres: Spheres, shape: Shape, layers: Rows | None = ()) -> Iterator[str]:
-    """Yield what is wrong with places in a packing of this shape: must be rows or spheres, and inside.
+    """Yield each error of places in a packing: they must be either rows or spheres, and lie inside.
 
-    `layers` is None where they cannot be given.
+    `layers` is None if they cannot be given.
     """
     given = [name for name, value in (("rows", rows), ("spheres", spheres)) if value]
     if len(given) != 1:
@@ -124,14 +124,14 @@ def spheres_at(rows: Rows, spheres: Spheres, crystal: ase.Atoms, role: str, laye
     crystal : ase.Atoms
         With the arrays ``row`` and ``column``.
     role : str
-        What the places are for, "source" or "monitor", for the error message.
+        Purpose of the places, "source" or "monitor", for the error message.
     layers : (first, last)
-        Of a crystal with the array ``layer``; all of them if empty.
+        Layers of a crystal with the array ``layer``; all layers if empty.
 
     Raises
     ------
     SceneError
-        If a sphere is a vacancy, or the rows hold vacancies only.
+        If a sphere is a vacancy, or the rows hold only vacancies.
     """
     row, column, layer = (crystal.arrays.get(name, np.zeros(len(crystal), dtype=int)) for name in _INDICES)
     inside = (layers[0] <= layer) & (layer <= layers[1]) if layers else np.ones(len(crystal), dtype=bool)

@@ -1,6 +1,6 @@
 """Records of the tables of a scene: their keys, read and checked, and written back.
 
-A record that a script makes remembers which values it was given, since a default may depend on the scene.
+A record remembers which values were given, since a default may depend on the scene.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -19,11 +19,11 @@ class GivenValues:
     """A record that knows which of its values were given."""
 
     __slots__ = ("_given",)
-    __match_args__: ClassVar[tuple[str, ...]]  # fields in their order, as a dataclass has it
+    __match_args__: ClassVar[tuple[str, ...]]  # names of the fields in their order, set by the dataclass
     _given: frozenset[str]
 
     def __new__(cls, *values: Any, **given: Any) -> Self:
-        """Make the record, whose fields its class sets."""
+        """Make the record and note the names of the given values; the class sets the fields."""
         new = super().__new__(cls)
         object.__setattr__(new, "_given", frozenset((*cls.__match_args__[: len(values)], *given)))
         return new
@@ -37,9 +37,9 @@ class GivenValues:
 
 
 def without_defaults(table: Any, differing: Collection[str] = ()) -> Any:
-    """Return records as plain values, without those that are the default.
+    """Return records as plain values without defaults.
 
-    A value that was given is kept, though it is the default, if that depends on the scene.
+    A given value that equals the default is kept if the default depends on the scene.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def without_defaults(table: Any, differing: Collection[str] = ()) -> Any:
 
 
 def record(kind: type, table: Any, name: str, keys: Sequence["DeclaredKey"]) -> Any:
-    """Return the record of type `kind` from the TOML table `name`, which holds `keys`, with every value checked.
+    """Return a record of type `kind` from the TOML table `name`; every value is checked.
 
     Raises
     ------
@@ -95,14 +95,14 @@ def plain(record: Any, keys: Sequence["DeclaredKey"]) -> dict[str, Any]:
 
 
 def toml_lines(values: Mapping[str, Any], keys: Sequence["DeclaredKey"]) -> list[str]:
-    """Return a line ``key = value  # note`` for each of the values, which are those of some of the keys."""
+    """Return a line ``key = value  # note`` for each key that has a value."""
     notes = {key.name: key.rule.note for key in keys}
     lines = ((f"{name} = {_in_lines(value)}", notes[name]) for name, value in values.items())
     return [f"{line:30} # {note}" if note else line for line, note in lines]
 
 
 def _in_lines(value: Any) -> str:
-    """Return a value as TOML, arrays in an array one to a line where there are many."""
+    """Return a value as TOML; many arrays in an array stand one to a line."""
     if isinstance(value, list | tuple) and len(value) > MOST_IN_LINE and isinstance(value[0], list | tuple):
         return "[\n" + "".join(f"    {toml(each)},\n" for each in value) + "]"
     return toml(value)
@@ -110,7 +110,7 @@ def _in_lines(value: Any) -> str:
 
 @dataclass(frozen=True)
 class DeclaredKey:
-    """A key of a table: its name, its rule, and its default, `MISSING` where it must be given."""
+    """Key of a table: its name, its rule and its default, `MISSING` if the key must be given."""
 
     name: str
     rule: Rule
@@ -118,31 +118,31 @@ class DeclaredKey:
 
     @property
     def required(self) -> bool:
-        """True if it must be given."""
+        """True if the key must be given."""
         return self.default is MISSING
 
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """A kind of scene: which defaults are other ones in it, and which tables and keys it cannot have.
+    """Kind of scene: its own defaults, and the tables and keys that it cannot have.
 
     Attributes
     ----------
     defaults : mapping of str to value
-        Dotted key → its default, `MISSING` where the key must be given.
+        Dotted key → its default, `MISSING` if the key must be given.
     refused : mapping of str to str
-        Table or dotted key that such a scene does not have → the message that refuses it.
+        Table or dotted key → the message that refuses it.
     """
 
     defaults: Mapping[str, Any] = field(default_factory=dict)
     refused: Mapping[str, str] = field(default_factory=dict)
 
 
-@cache  # a scene asks for them dozens of times
+@cache  # a scene asks for these keys dozens of times
 def declared_keys(
     kind: type, rules: Rules | None = None, table: str = "", variant: Variant | None = None
 ) -> Sequence[DeclaredKey]:
-    """Return the keys of a record that a scene file holds; in a `variant`, the keys of a table there."""
+    """Return the keys of a record that a scene file can hold, in a `variant` of the scene if one is given."""
     own, other = rules or Rules(), variant or Variant()
     known = ((item, own.get(item.name) or item.metadata.get("rule")) for item in fields(kind))
     return tuple(

@@ -1,11 +1,11 @@
-"""Signals that are given as samples: in a CSV file, or as pairs in the scene, with the cubic spline through them.
+"""Signals given as samples, in a CSV file or as pairs in the scene, and the cubic spline through them.
 
-A file is read when its scene is: from then on the scene, its run folder and its deck hold the samples themselves, and
-need no second file. A measured drive has units in its head, and stays in SI units in the scene, behind the head
-``["time_s", "force_N"]``; `granular_lmp.scene.sources.Source.in_units` converts it.
+A file is read together with its scene. Afterwards the scene, its run folder and its deck hold the samples and need no
+second file. A measured drive has units in its header and stays in SI units in the scene, behind the head ``["time_s",
+"force_N"]``; `granular_lmp.scene.sources.Source.in_units` converts it.
 
-Between samples, a step h apart, the signal is the cubic spline that is level at both ends; before the first sample it
-is 0, and after the last one it keeps the value of that.
+Between samples, a step h apart, the signal is the cubic spline with slope 0 at both ends. Before the first sample the
+signal is 0; after the last sample it keeps its last value.
 """
 
 from collections.abc import Sequence
@@ -34,10 +34,12 @@ from granular_lmp.scene.spreadsheets import (
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-Samples = Sequence[tuple[float, float]]  # (τ, value) of each; (s, value in SI) behind the head of a measured drive
+Samples = Sequence[
+    tuple[float, float]
+]  # (τ, value) of each sample; (s, value in SI) behind the head of a measured drive
 HEADER = "tau,value"
 TIME = "time"
-# What is measured of a drive: of a force, a torque, a motion and a rotation
+# What a measured drive records, for a force, a torque, a motion and a rotation
 MEASURED: Quantities = {
     "force": FORCES,
     "torque": {"Nm": 1.0, "mNm": 1e-3, "uNm": 1e-6, "nNm": 1e-9},
@@ -47,19 +49,20 @@ MEASURED: Quantities = {
 QUANTITIES: Quantities = {"tau": {"": 1.0}, "value": {"": 1.0}, TIME: TIMES, **MEASURED}
 WORDS = {"t": TIME, "f": "force", "displacement": "motion", "rotation": "angle"}
 FEWEST = 5
-# All sources together: a deck of 1 MB, and a scene file below `granular_lmp.scene.files.LARGEST_FILE`
+# For all sources together: the deck then has 1 MB, and the scene file stays below
+# `granular_lmp.scene.files.LARGEST_FILE`
 MOST = 10_000
 LARGEST = 1e6
 UNEVEN = 1e-6  # Steps of τ differ by this share at most: files with seven digits pass
-# A spline through every second sample predicts the others to this share of the largest value. Where the signal is
-# smooth, that through all of them errs by 1/16 of it; nine samples a period of a sine pass.
+# A spline through every second sample must predict the others to this share of the largest value. If the signal is
+# smooth, the spline through all samples has 1/16 of this error. Nine samples per period of a sine pass.
 SMOOTH = 1e-2
-REST = 1e-3  # A signal that ends below this share of its largest value counts as over
+REST = 1e-3  # A signal whose last value is below this share of its largest value has ended
 
 
 @dataclass(frozen=True)
 class SignalRule(Rule):
-    """Allowed values of a signal: a word, the name of a CSV file, or pairs [τ, value]."""
+    """Rule for a signal: a word, the name of a CSV file, or pairs [τ, value]."""
 
     @property
     def allowed(self) -> str:
@@ -76,7 +79,7 @@ class SignalRule(Rule):
         return {"anyOf": [{"enum": list(self.words)}, {"type": "string", "pattern": r"\.csv$"}, pairs]}
 
     def value(self, value: Any, key: str) -> Any:
-        """Return a word as it is, and a file or a list as a tuple of pairs.
+        """Return a word unchanged, and a file or a list as a tuple of pairs.
 
         Raises
         ------
@@ -91,13 +94,13 @@ class SignalRule(Rule):
 
 
 def located(source: Any, folder: Path) -> Any:
-    """Return a table ``[[source]]`` as it was read, with the name of its file relative to the current folder."""
+    """Return a table ``[[source]]`` with the name of its file relative to the current folder."""
     name = source.get("signal") if isinstance(source, dict) else None
     return source | {"signal": str(folder / name)} if isinstance(name, str) and name.endswith(".csv") else source
 
 
 def _pairs(value: Sequence[Any], key: str) -> Samples:
-    """Return pairs of numbers, behind the head of a measured drive if they have one."""
+    """Return pairs of numbers; the head of a measured drive, if any, comes first."""
     names, pairs = split(value)
     for number, pair in enumerate(pairs, len(value) - len(pairs)):
         right = isinstance(pair, list | tuple) and len(pair) == 2
@@ -111,7 +114,7 @@ def _pairs(value: Sequence[Any], key: str) -> Samples:
 
 
 def _two(columns: Sequence[Column]) -> tuple[Column, ...]:
-    """Return columns as they are; ValueError unless they are τ and values, or a time and what is measured."""
+    """Return the columns; ValueError unless they are τ and values, or a time and a measured quantity."""
     held = {each.quantity for each in columns}
     if len(columns) != 2 or not (held == {"tau", "value"} or (TIME in held and held & MEASURED.keys())):
         must = ", ".join(f"{name}_{_si(name)}" for name in MEASURED)
@@ -128,7 +131,7 @@ def _si(quantity: str) -> str:
 
 
 def _ordered(columns: Sequence[Column], pairs: Samples) -> Any:
-    """Return pairs with the time first, in SI units behind their head if they are measured."""
+    """Return pairs with the time first; measured pairs are in SI units behind their head."""
     sizes = [QUANTITIES[each.quantity][each.unit] for each in columns] or [1.0, 1.0]
     held = [each.quantity for each in columns] or ["tau", "value"]
     way = 1 if held[0] in ("tau", TIME) else -1
@@ -159,13 +162,13 @@ def _read(name: str, key: str) -> Samples:
 
 
 def checked(pairs: Samples, key: str) -> Samples:
-    """Return samples as they are.
+    """Return the samples after checks.
 
     Raises
     ------
     SceneError
-        If there are fewer than `FEWEST` or more than `MOST`, times do not begin at 0 or grow by unequal steps, the
-        first value is not 0 or all are, or a spline through every second one misses the others.
+        If there are fewer than `FEWEST` or more than `MOST` samples, if times do not begin at 0 or have unequal steps,
+        if the first value is not 0 or all values are, or if a spline through every second sample misses the others.
     """
     head, rows = split(pairs)
     name = head[0] if head else "tau"
@@ -189,28 +192,28 @@ def checked(pairs: Samples, key: str) -> Samples:
         )
     largest = abs(value).max()
     if value[0] != 0 or largest == 0:
-        raise refused(f"first value {value[0]:g}, largest {largest:g}: must begin at 0, and not stay there")
+        raise refused(f"first value {value[0]:g}, largest {largest:g}: must begin at 0, and not be 0 throughout")
     fit = _through(tau[::2], value[::2], "clamped" if len(tau) % 2 else ((1, 0.0), "not-a-knot"))
     inside = tau <= tau[::2][-1]
     missed = abs(fit(tau) - value)[inside]
     if missed.max() > SMOOTH * largest:
         raise refused(
             f"around {name} = {tau[inside][missed.argmax()]:g} a spline through every second sample misses the others "
-            f"by {missed.max() / largest:.2g} of the largest: must be at most {SMOOTH:g}; take more samples, "
-            "or smooth them"
+            f"by {missed.max() / largest:.2g} of the largest: must be at most {SMOOTH:g}; use more samples, or smooth "
+            "them"
         )
     return pairs
 
 
 def split(samples: Sequence[Any]) -> tuple[Sequence[str], Samples]:
-    """Return the head of samples, () where there is none, and the pairs."""
+    """Return the head of the samples, () if there is none, and the pairs."""
     first = samples[0] if samples else ()
     head = isinstance(first, list | tuple) and first and all(isinstance(each, str) for each in first)
     return (first, samples[1:]) if head else ((), samples)
 
 
 def spline(pairs: Samples) -> "CubicSpline":
-    """Return the cubic spline through samples, level at both ends."""
+    """Return the cubic spline through samples, with slope 0 at both ends."""
     tau, value = np.array(pairs).T
     return _through(tau[-1] / (len(tau) - 1) * np.arange(len(tau)), value, "clamped")
 
@@ -222,7 +225,7 @@ def _through(tau: NDArray[np.float64], value: NDArray[np.float64], ends: Any) ->
 
 
 def pulsation(pairs: Samples) -> float:
-    """Return the Ω, rad/t0, of the tone that has the largest value and the largest second derivative of samples."""
+    """Return the Ω, rad/t0, of a tone with the same largest value and largest second derivative as the samples."""
     fit = spline(pairs)
     return float(np.sqrt(abs(fit(fit.x, 2)).max() / abs(fit(fit.x)).max()))
 
@@ -233,7 +236,7 @@ def largest(pairs: Samples) -> float:
 
 
 def end(pairs: Samples) -> float:
-    """Return the time until which samples hold, τ: that of the last, infinite if they have come back to 0."""
+    """Return the last time of the signal, τ: that of the last sample, or infinity if the signal has ended at 0."""
     tau, value = pairs[-1]
     return inf if abs(value) <= REST * largest(pairs) else tau
 
@@ -241,8 +244,8 @@ def end(pairs: Samples) -> float:
 def pieces(pairs: Samples) -> NDArray[np.float64]:
     """Return the polynomials of the spline, (4, n + 1): value = c0 + x(c1 + x(c2 + x c3)), x from 0 to 1 in each step.
 
-    The first is that before the first sample, 0; the last that after the last one, a constant. Numbers are rounded to
-    13 digits of the largest, as the last ones depend on the processor.
+    The first polynomial is 0, before the first sample; the last one is a constant, after the last sample. Numbers are
+    rounded to 13 digits of the largest, because further digits depend on the processor.
     """
     fit = spline(pairs)
     inside = fit.c[::-1] * fit.x[1] ** np.arange(4)[:, None]

@@ -1,7 +1,6 @@
-"""Rules of declared values, as text and as a check, and the conversion of TOML tables to frozen records and back.
+"""Rules of declared values, as text and as a check; conversion of TOML tables to frozen records and back.
 
-Each field of a record carries its own rule in its metadata, so that this one description serves reading, checking,
-writing and the error messages.
+Each field of a record carries its rule in its metadata; the rule serves reading, checking, writing and error messages.
 """
 
 import json
@@ -21,8 +20,8 @@ from granular_lmp.scene.unsupported import hint
 
 AUTO: Final = "auto"
 Auto = Literal["auto"]
-LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
-LONGEST_PART = 40  # characters of a name that is a part of file names
+LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part needs some of them
+LONGEST_PART = 40  # characters, for a name that is part of file names
 NAME_PATTERN = f"[A-Za-z0-9_]{{1,{LONGEST_PART}}}"
 LONGEST_DESCRIPTION = 200  # characters: two lines of a terminal
 _JSON = json.JSONEncoder(ensure_ascii=False)
@@ -31,7 +30,7 @@ _JSON_KINDS = {float: "number", int: "integer", bool: "boolean"}
 
 @dataclass(frozen=True)
 class Interval:
-    """Numbers from `low` to `high`, without `low` itself if `open_low`, and with 0 in addition if `or_zero`."""
+    """Interval from `low` to `high`; `open_low` excludes `low`, and `or_zero` allows 0 as well."""
 
     low: float
     high: float
@@ -48,20 +47,20 @@ class Interval:
 
 @dataclass(frozen=True)
 class Rule:
-    """Allowed values of one key of a scene, and its meaning.
+    """Rule of one key of a scene: its allowed values and its meaning.
 
     Attributes
     ----------
     kind : type
         float, int, bool or str.
     unit : str
-        Empty for a dimensionless number and for a value that is not a number.
+        Empty for a dimensionless number or a value that is not a number.
     meaning : str
-        Half a sentence: the comment behind the key in a scene file and its entry in the reference.
+        A phrase: the comment behind the key in a scene file and its entry in the reference.
     interval : Interval, optional
         Allowed range of a number.
     words : tuple of str
-        Allowed words, beside numbers and switches or alone.
+        Allowed words, alone or beside numbers and switches.
     """
 
     kind: type
@@ -105,38 +104,38 @@ class Rule:
         return {"anyOf": [numbers, *others]} if others else numbers
 
     def value(self, value: Any, key: str) -> Any:
-        """Return `value` converted to the kind of this rule.
+        """Return the value converted to the kind of this rule.
 
         Raises
         ------
         SceneError
             If the value is not allowed; the message names key, value and allowed values.
         """
-        if self.kind is str and type(value) is int:  # the number of a branch
+        if self.kind is str and type(value) is int:  # a bare number names a branch
             value = str(value)
         if isinstance(value, str) and value in self.words:
             return value
         if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value) if abs(value) < 1e300 else inf  # TOML writes 120 for 120.0
-        right = isinstance(value, self.kind) and self.kind is not str  # words are handled above
+        right = isinstance(value, self.kind) and self.kind is not str  # words were handled above
         right = right and not (self.kind is int and isinstance(value, bool))
         if right and self.kind is float:
             right = isfinite(value)
         if not right or (self.interval is not None and value not in self.interval):
             raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
-        return self.kind(value)  # numpy's floats write themselves into a deck with their type
+        return self.kind(value)  # the text of a numpy float in a deck would include its type
 
 
 @dataclass(frozen=True)
 class ArrayRule(Rule):
-    """Allowed values of a key that holds numbers in brackets, one for each entry, or any number of such arrays.
+    """Rule for a key that holds an array with one number for each entry, or any number of such arrays.
 
     Attributes
     ----------
     entries : tuple of str
-        What the numbers of an array are.
+        Names of the numbers in an array.
     several : bool
-        True if the key holds a list of such arrays.
+        True if the key holds a list of arrays.
     """
 
     entries: tuple[str, ...] = ("row", "column")
@@ -158,12 +157,12 @@ class ArrayRule(Rule):
         return {"type": "array", "items": one} if self.several else one
 
     def value(self, value: Any, key: str) -> Any:
-        """Return `value` as a tuple of numbers, or of such tuples.
+        """Return the value as a tuple of numbers, or as a tuple of such tuples.
 
         Raises
         ------
         SceneError
-            If it is no such array, or a number is not allowed.
+            If the value is not such an array, or a number is not allowed.
         """
         if not isinstance(value, list | tuple):
             raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
@@ -177,7 +176,7 @@ class ArrayRule(Rule):
 
 @dataclass(frozen=True)
 class NameRule(Rule):
-    """A name of one's own that becomes part of file names and of names in LAMMPS."""
+    """Rule for a name that the user chooses and that becomes part of names of files and in LAMMPS."""
 
     @property
     def allowed(self) -> str:
@@ -189,14 +188,14 @@ class NameRule(Rule):
         return {"type": "string", "pattern": f"^{NAME_PATTERN}$"}
 
     def value(self, value: Any, key: str) -> str:
-        """Return `value`, or raise SceneError if it is no such name."""
+        """Return the value; raise SceneError if it is not such a name."""
         if not (isinstance(value, str) and re.fullmatch(NAME_PATTERN, value)):
             raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
         return value
 
 
 class Rules(dict[str, Rule]):
-    """Rules for a record of another room, whose fields carry none; hashed by identity, so that its keys are kept."""
+    """Rules for a record of another room, whose fields carry none; hashed by identity, as keys of caches."""
 
     def __hash__(self) -> int:  # type: ignore[override]  # a dict has none; these are never changed
         return id(self)
@@ -239,10 +238,10 @@ def switch(meaning: str) -> Any:
 
 
 def plain_value(value: Any) -> Any:
-    """Return numpy's numbers and arrays as Python's, in mappings and lists too; all else stays as it is.
+    """Return numbers and arrays of numpy as those of Python, also inside mappings and lists.
 
-    A scalar of numpy compares, but writes itself into a deck with its type, and JSON does not know it. Subclasses of
-    arrays are left alone: they have units or masks, which a number would lose.
+    The text of a numpy scalar in a deck would include its type, and JSON does not know it. Subclasses of arrays do not
+    change, because a plain number would lose their units or masks.
     """
     if isinstance(value, Mapping):
         return {key: plain_value(each) for key, each in value.items()}
@@ -256,7 +255,7 @@ def plain_value(value: Any) -> Any:
 
 
 def short(value: float) -> str:
-    """Return a number in its usual short form: 1e-9, 0.05, 10000000."""
+    """Return the usual short form of a number: 1e-9, 0.05, 10000000."""
     if isinstance(value, int):
         return str(value)
     mantissa, e, exponent = f"{value:g}".partition("e")
@@ -269,7 +268,7 @@ def head_lines(name: str, description: str) -> list[str]:
 
 
 def toml(value: Any) -> str:
-    """Return a scalar or an array as TOML: floats in the shortest form that reads back, 7.3e+10 for very large ones."""
+    """Return a scalar or an array as TOML; floats have the shortest form that reads back, such as 7.3e+10."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(toml, value))}]"
     if isinstance(value, float) and not 1e-4 <= abs(value) < 1e6 and value:
@@ -278,19 +277,19 @@ def toml(value: Any) -> str:
 
 
 def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) -> None:
-    """Raise SceneError for the first key that is not in `names`."""
+    """Raise SceneError for the first key that is not among the names."""
     for key in table:
         if key not in names:
             raise SceneError(unknown_key(f"{prefix}{key}", key, names))
 
 
 def unknown_key(whole: str, part: str, names: Iterable[str]) -> str:
-    """Return what is wrong with a key, a part of which is none of `names`: not supported, misspelt, or not allowed."""
+    """Return the error of an unknown key: not supported, misspelt, or not allowed."""
     return f"{cut(whole)}: {hint(part) or f'unknown key; {allowed_names(part, names)}'}"
 
 
 def checked_description(tables: Mapping[str, Any]) -> str:
-    """Return ``description`` of what was read, one line for a list of scenes; "" where there is none."""
+    """Return the ``description`` in a table, one line for a list of scenes; "" if there is none."""
     said = tables.get("description", "")
     if not isinstance(said, str) or not said.isprintable() or len(said) > LONGEST_DESCRIPTION:
         raise SceneError(
@@ -300,7 +299,7 @@ def checked_description(tables: Mapping[str, Any]) -> str:
 
 
 def checked_name(tables: Mapping[str, Any], default: str, what: str) -> str:
-    """Return the declared ``name``, or `default`, if it is allowed in file names on every system.
+    """Return the declared ``name``, or the default; raise SceneError if file names cannot hold it on every system.
 
     `what` is the kind of file, for the error message.
     """
@@ -316,17 +315,24 @@ def checked_name(tables: Mapping[str, Any], default: str, what: str) -> str:
 
 
 def default_name(file: Path) -> str:
-    """Return the name of a scene whose file declares none: the stem of the file, or the folder of ``scene.toml``."""
+    """Return the default name of a scene: the stem of its file, or the folder of a file ``scene.toml``."""
     file = file.absolute()
     return file.parent.name if file.name == "scene.toml" else file.stem
 
 
 def allowed_names(key: str, names: Iterable[str], said: str = "allowed") -> str:
     """Return the closest allowed name for an error message, or all allowed names if none is close."""
+    names = list(names)
+    near = near_name(key, names)
+    return f"did you mean '{near}'?" if near else f"{said}: {', '.join(names)}"
+
+
+def near_name(word: str, names: Iterable[str]) -> str:
+    """Return the name that is nearly a word, whatever its case; "" if none is close."""
     from difflib import get_close_matches  # kept out of start-up
 
-    close = get_close_matches(key, list(names), n=1)
-    return f"did you mean '{close[0]}'?" if close else f"{said}: {', '.join(names)}"
+    folded = {name.lower(): name for name in names}
+    return next((folded[close] for close in get_close_matches(word.lower(), folded, n=1)), "")
 
 
 def either(names: Iterable[str]) -> str:
@@ -338,7 +344,7 @@ def shown(value: Any) -> str:
     """Return a value for an error message, cut to one line of 60 characters."""
     try:
         return cut(repr(value))
-    except ValueError:  # Python writes no whole number of more than 4300 digits
+    except ValueError:  # Python refuses to write whole numbers of more than 4300 digits
         return "(a number of thousands of digits)"
 
 

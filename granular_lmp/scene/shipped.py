@@ -1,4 +1,4 @@
-"""The scenes, collisions and decks that come with the package."""
+"""Scenes, collisions and decks that come with the package."""
 
 import tomllib
 from pathlib import Path
@@ -21,13 +21,13 @@ def copy_shipped(folder: str | Path) -> list[str]:
     try:
         copytree(SHIPPED, folder)
     except FileExistsError as error:
-        raise RunFolderError(f"{folder}: is there already; choose another folder") from error
+        raise RunFolderError(f"{folder}: exists already; choose another folder") from error
     except OSError as error:
         raise RunFolderError(f"{folder}: cannot be written: {one_line(error)}") from error
     return sorted(path.name for path in SHIPPED.iterdir())
 
 
 def shipped(pattern: str) -> dict[str, str]:
-    """Return name → description of the shipped files that match: ``*/scene.toml``, or ``collisions/*.toml``."""
+    """Return name → description of the shipped files that match ``*/scene.toml`` or ``collisions/*.toml``."""
     tables = (tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted(SHIPPED.glob(pattern)))
     return {table["name"]: table.get("description", "") for table in tables}

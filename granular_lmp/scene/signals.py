@@ -1,7 +1,7 @@
-"""The signals of sources by name: all that scenes, quiet ends, time steps, guards and studies know of each.
+"""Signals of sources by name: all that scenes, quiet ends, time steps, guards and studies know about each.
 
-A new signal is one entry here and its formula in `granular_lmp.lammps.sources`; a key that no other signal has is also
-a key of `granular_lmp.scene.sources.Source`. No field has a default, so that no place takes a signal for another one.
+A new signal is one entry here and its formula in `granular_lmp.lammps.sources`; a new key is also a key of
+`granular_lmp.scene.sources.Source`. No field has a default, so every signal must state each property.
 """
 
 from collections.abc import Callable
@@ -12,11 +12,11 @@ import numpy as np
 
 from granular_lmp.frozen import dataclass
 
-SAMPLES = "samples"  # the signal that has no name in a scene, but a table
+SAMPLES = "samples"  # a signal without a name in a scene: it has a table of samples
 
 
 class Declared(Protocol):
-    """Keys of a source that say how its signal is (`granular_lmp.scene.sources.Source`)."""
+    """Keys of a source that shape its signal (`granular_lmp.scene.sources.Source`)."""
 
     @property
     def cycles(self) -> float:
@@ -24,11 +24,11 @@ class Declared(Protocol):
 
     @property
     def ramp(self) -> float:
-        """Time in which a tone or a step rises, τ."""
+        """Time rise time of a tone or a step, τ."""
 
     @property
     def sweep(self) -> float:
-        """Last frequency of a chirp over its first."""
+        """Last frequency of a chirp over the first."""
 
     @property
     def phase(self) -> float:
@@ -42,17 +42,17 @@ class Signal:
     Attributes
     ----------
     keys : tuple of str
-        Keys of a source that it has, of those that not every signal has.
+        Keys of a source that the signal uses, apart from the keys common to all signals.
     lasts : callable
-        Duration in τ of its ramp or burst, of a source and Ω.
+        Function of a source and Ω: the duration of the ramp or burst, τ.
     top : callable
-        Highest frequency that steps and looks must resolve, over Ω; 0 if it has none.
+        Highest frequency, over Ω, that time steps and guards must resolve; 0 if there is none.
     band : callable
-        Frequencies over Ω of the waves that it makes: Ω and the edges of its spectrum, the lowest first. Empty if the
-        spectrum reaches down to waves that no number of quiet rows absorbs.
+        Frequencies, over Ω, of the waves that it makes: Ω and the edges of its spectrum, the lowest first. Empty if the
+        spectrum includes waves too long to be absorbed by any number of quiet rows.
     value : callable or None
-        Signal over its amplitude, of a source, Ω and times τ since it began, which may have a complex step; None of
-        samples, which have a spline.
+        Function of a source, Ω and times τ since the beginning: the signal over its amplitude. Times may have a complex
+        step. None for samples, which have a spline.
     """
 
     keys: tuple[str, ...]
@@ -105,7 +105,7 @@ def _down_to_zero(source: Declared) -> tuple[float, ...]:
 
 
 def _share(tau: Any, lasts: float) -> Any:
-    """Return the time since the beginning as a share of the ramp or of the burst, 0 before and 1 after it."""
+    """Return the time since the beginning over the duration of the ramp or burst, 0 before and 1 after it."""
     return np.where(tau.real < 0, 0.0, np.where(tau.real < lasts, tau / lasts, 1.0))
 
 

@@ -1,19 +1,19 @@
-"""Sources: spheres that are moved, pushed or turned from outside, in a crystal at rest or beside a wave.
+"""Sources: spheres that are moved, pushed or turned from outside, in a crystal at rest or in a wave.
 
 A source has the signal a f(t), t = τ − delay, with x = Ωt and r(s) = s³(10 − 15s + 6s²), s clipped to [0, 1]:
 
     tone      r(t/ramp) cos(x − phase)
     burst     sin²(π s) cos(x − phase),  s = x/(2π cycles): a Hann window
     chirp     sin²(π s) cos(x (1 + (sweep − 1) s/2) − phase),  s = x (1 + sweep)/(4π cycles): from Ω to sweep Ω
-    ricker    (1 − y²/2) e^{−y²/4},  y = x − 12: at its largest at t = 12/Ω, where its spectrum has its maximum at Ω
+    ricker    (1 − y²/2) e^{−y²/4},  y = x − 12: largest at t = 12/Ω; its spectrum has its maximum at Ω
     step      r(t/ramp)
 
-or is a multiple of samples, in a file or in the scene (`granular_lmp.scene.samples`).
+or f interpolates samples, from a file or in the scene (`granular_lmp.scene.samples`).
 
-The amplitude a is in D0 of a motion, counted from rest, in k1 D0 of a force, and in k1 D0 R of a torque. Spheres that
-are moved neither turn nor move across the motion, and those whose rotation is prescribed, Rθ in D0, only turn. Motions
-cannot be added on one sphere, and a force on a sphere that is moved or held does nothing: both are refused. A wave has
-nothing to say of spheres that are moved: it is cut off there, as it is at held rows.
+The unit of the amplitude a is D0 for a motion, counted from rest, k1 D0 for a force, and k1 D0 R for a torque. Spheres
+with a prescribed motion neither turn nor move across it; spheres with a prescribed rotation, Rθ in D0, only turn. Two
+motions of one sphere cannot be added, and a force on a sphere that is moved or held has no effect: both are refused. A
+wave does not act on moved spheres: it is cut off there, as at held rows.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,13 +34,13 @@ from granular_lmp.scene.schema import choice, number
 from granular_lmp.scene.signals import SAMPLES, SIGNALS, Signal
 
 AXES = ("x", "y", "z")
-TORQUE, ROTATION = "torque", "rotation"  # about z; about x and y the axis follows: torque_x
+TORQUE, ROTATION = "torque", "rotation"  # about z; about x and y the name ends with the axis: torque_x
 TORQUES, ROTATIONS = ((word, f"{word}_x", f"{word}_y") for word in (TORQUE, ROTATION))
-# Over Ω, of the spectrum of any signal before quiet ends; the main lobe of a burst, Ω(1 ± 2/cycles), has 3 cycles then
+# Edges of the spectrum over Ω, for any signal beside quiet ends: the main lobe Ω(1 ± 2/cycles) of a burst of 3 cycles
 LOWEST = 1 / 3
-_COMPLEX_STEP = 1e-30  # Its square rounds no derivative
-LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
-FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
+_COMPLEX_STEP = 1e-30  # Its square is too small to change a derivative
+LARGEST_ANGLE = 2e-3  # rad; the error of a torque in LAMMPS is then 1 - cos = 2e-6 (`granular_lmp.lammps.sources`)
+FEWEST_STEPS = 20.0  # in a period of a source: the relative error of Verlet in frequency is then (2π/20)²/24, 0.4 %
 
 
 class Scaled(Protocol):
@@ -57,7 +57,7 @@ class Scaled(Protocol):
 
 @dataclass(frozen=True)
 class Source(AtPlaces):
-    """Spheres, what is done to them along which axis, and its signal over time.
+    """Source: its spheres, how and along which axis it acts on them, and its signal over time.
 
     Attributes
     ----------
@@ -65,22 +65,24 @@ class Source(AtPlaces):
         All spheres of these rows and of those between, counted from 0; or
     spheres : sequence of (row, column)
     motion : "x", "y", "z", "rotation", "rotation_x" or "rotation_y", optional
-        Axis along which the displacement is prescribed, in D0, or φ = Rθ about z, x or y, in D0; or
+        Axis of the prescribed displacement, in D0, or of the prescribed rotation φ = Rθ about z, x or y, in D0; or
     force : "x", "y", "z", "torque", "torque_x" or "torque_y", optional
-        Axis of a force in k1 D0 on each sphere, or a torque about z, x or y in k1 D0 R. Only spheres in space follow
-        what is along z, or about x and y.
+        Axis of a force on each sphere, in k1 D0, or of a torque about z, x or y, in k1 D0 R. Only spheres in space can
+        move along z, or turn about x and y.
     signal : "tone", "burst", "chirp", "ricker", "step", or sequence of (τ, value), behind a head of (s, N) or (s, m)
     amplitude : float
-        Above 0. Good values: about 1, as D0 is small already. It multiplies the values of samples.
+        Above 0; multiplies the values of samples. Good values: about 1, as D0 is small already.
     frequency, hertz : float, optional
-        Ω in rad/t0, or in Hz; that of the wave if both are left out. Samples have their own (`samples.pulsation`).
+        Ω in rad/t0, or in Hz; default: Ω of the wave. Samples have their own Ω (`samples.pulsation`).
     phase, delay, cycles, ramp : float
-        In rad, τ, periods and τ. Good values: 5 cycles, and a ramp of several periods, as a short one excites others.
+        In rad, τ, periods and τ. Good values: 5 cycles; a ramp of several periods, as a short ramp excites other waves.
     sweep : float
-        Last frequency of a chirp over its first. Good values: 0.5 and 2, with 10 cycles or more.
+        Last frequency of a chirp over the first. Good values: 0.5 and 2, with 10 cycles or more.
     """
 
-    motion: str | None = choice("displacement from rest, in D0; R times an angle", (*AXES, *ROTATIONS), default=None)
+    motion: str | None = choice(
+        "displacement from rest, in D0; for a rotation, R times the angle", (*AXES, *ROTATIONS), default=None
+    )
     force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, *TORQUES), default=None)
     signal: str | samples.Samples = field(
         default="tone",
@@ -89,24 +91,26 @@ class Source(AtPlaces):
         },
     )
     amplitude: float = number("", "in D0, k1 D0 or k1 D0 R", 0, 100, open_low=True, default=1.0)
-    frequency: float | None = number("rad/t0", "of the signal; left out: that of the wave", 1e-6, 20, default=None)
+    frequency: float | None = number("rad/t0", "of the signal; left out: frequency of the wave", 1e-6, 20, default=None)
     hertz: float | None = number("Hz", "in place of frequency", 1e-6, 1e15, default=None)
-    phase: float = number("rad", "of tone, burst and chirp", -2 * pi, 2 * pi, default=0.0)
+    phase: float = number("rad", "phase of a tone, burst or chirp", -2 * pi, 2 * pi, default=0.0)
     delay: float = number("tau", "before the signal begins", 0, 1e7, default=0.0)
-    cycles: float = number("", "periods of a burst or chirp", 1, 1e5, default=5.0)
-    ramp: float = number("tau", "in which a tone or a step rises", 1, 1e5, default=20.0)
-    sweep: float = number("", "last frequency of a chirp over its first", 0.01, 100, default=2.0)
-    measured_words: str = ""  # of a measured drive that `in_units` has converted: how long and how large it is
+    cycles: float = number("", "number of periods in a burst or chirp", 1, 1e5, default=5.0)
+    ramp: float = number("tau", "rise time of a tone or a step", 1, 1e5, default=20.0)
+    sweep: float = number("", "last frequency of a chirp over the first", 0.01, 100, default=2.0)
+    measured_words: str = ""  # length and size of a measured drive that `in_units` has converted
 
     def in_units(self, scene: Scaled) -> "Source":
-        """Return the source with the samples of a measured drive in τ and in the unit of its amplitude.
+        """Return the source with the samples of a measured drive in τ and in the unit of the amplitude.
 
-        Raises SceneError for a force that is measured in m, and its like.
+        Raises SceneError if the measured quantity does not fit the source, such as a force in m.
         """
         head, pairs = samples.split(self.sampled)
         if not head:
             return self
-        if bool(self.motion) == bool(self.force):  # refused soon, as it says neither or both
+        if bool(self.motion) == bool(
+            self.force
+        ):  # a later check refuses a source with neither motion nor force, or with both
             return replace(self, signal=pairs)
         sphere, length = scene.sphere, scene.displacement_amplitude
         if self.motion:
@@ -128,7 +132,7 @@ class Source(AtPlaces):
 
     @property
     def sampled(self) -> samples.Samples:
-        """Samples of the signal; none if it has a name. Those of a measured drive need `in_units` first."""
+        """Samples of the signal; none if it has a name. A measured drive needs `in_units` first."""
         return () if isinstance(self.signal, str) else self.signal
 
     @property
@@ -138,12 +142,12 @@ class Source(AtPlaces):
 
     @property
     def known(self) -> Signal:
-        """Properties of the kind of its signal."""
+        """Properties of the kind of signal."""
         return SIGNALS[self.kind]
 
     @property
     def band(self) -> tuple[float, ...]:
-        """Frequencies over Ω of the waves that it makes; empty if they reach down to 0."""
+        """Frequencies, over Ω, of the waves that it makes; empty if they reach down to 0."""
         return self.known.band(self)
 
     @property
@@ -159,27 +163,27 @@ class Source(AtPlaces):
 
     @property
     def turns(self) -> str:
-        """The word, such as "torque" or "rotation_x", if the source turns spheres, else ""."""
+        """Word such as "torque" or "rotation_x" if the source turns spheres, else ""."""
         return next((word for word in (self.motion, self.force) if word in (*TORQUES, *ROTATIONS)), None) or ""
 
     @property
     def axis(self) -> str:
-        """Axis along which it moves or pushes spheres, or about which it turns them."""
+        """Axis along which the source moves or pushes spheres, or about which it turns them."""
         word = self.motion or self.force or ""
         return word if word in AXES else word.partition("_")[2] or "z"
 
     @property
     def leaves_plane(self) -> bool:
-        """True if spheres in the plane do not follow it."""
+        """True if spheres confined to the plane cannot follow the source."""
         return (self.axis == "z") != bool(self.turns)
 
     @property
     def needs_frequency(self) -> bool:
-        """True if its signal has a frequency, which is that of the wave as none is given."""
+        """True if the signal has a frequency but none is given, so that it takes the frequency of the wave."""
         return not self.sampled and self.known.top(self) > 0 and self.frequency is None and self.hertz is None
 
     def pulsation(self, sphere: Sphere, default: float) -> float:
-        """Return Ω in rad/t0; `default` is that of the wave."""
+        """Return Ω in rad/t0; `default` is Ω of the wave."""
         if self.sampled:
             return samples.pulsation(self.sampled)
         if self.hertz is not None:
@@ -187,13 +191,13 @@ class Source(AtPlaces):
         return default if self.frequency is None else self.frequency
 
     def top(self, sphere: Sphere, default: float) -> float:
-        """Return the highest frequency that steps must resolve, rad/t0; 0 if its signal has none."""
+        """Return the highest frequency that time steps must resolve, rad/t0; 0 if the signal has none."""
         return self.known.top(self) * self.pulsation(sphere, default)
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedSource:
-    """A source in its crystal.
+    """Source in its crystal.
 
     Attributes
     ----------
@@ -201,7 +205,7 @@ class PlacedSource:
     spheres : (n,) int array
         Indices of its spheres, ascending.
     frequency : float
-        Ω of its signal, rad/t0; not used by a step.
+        Ω of its signal, rad/t0; a step does not use it.
     """
 
     source: Source
@@ -210,7 +214,7 @@ class PlacedSource:
 
     @property
     def words(self) -> str:
-        """Kind, frequency and number of spheres in words."""
+        """Words for its kind, frequency and number of spheres."""
         count = len(self.spheres)
         at = "" if not self.source.known.top(self.source) else f" at {self.frequency:.6g} rad per t0"
         return f"{self.source.words}{at} on {count} sphere{'s' if count > 1 else ''}"
@@ -232,7 +236,7 @@ class PlacedSource:
 
     @property
     def cost(self) -> int:
-        """Time of a step that the source takes, in spheres of the crystal, measured; it is that of its variables."""
+        """Measured computing time per step, in spheres of the crystal, mostly for its variables."""
         return (110 if self.source.motion else 30) * (3 if self.source.sampled else 1)
 
 
@@ -242,7 +246,7 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, usual:
     Raises
     ------
     SceneError
-        If a place is empty, or a sphere that is moved is moved or pushed by another source.
+        If a place is empty, or another source moves or pushes a sphere that is moved.
     """
     if not sources:
         return ()
@@ -275,7 +279,7 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, usual:
 
 
 def longest_steps(sources: Sequence[Source], sphere: Sphere, usual: float) -> Iterator[tuple[float, str]]:
-    """Yield for each source the longest step (τ) that resolves its signal, and why; `usual` is Ω of the wave."""
+    """Yield the longest step, τ, that resolves the signal of each source, and the reason; `usual` is Ω of the wave."""
     for number_, each in enumerate(sources, 1):
         top = each.top(sphere, usual)
         if top:

@@ -1,7 +1,7 @@
-"""Tables of single spheres beside a scene: ``packing.table``, in a CSV file or as columns of numbers.
+"""Table of single spheres, ``packing.table``: a CSV file beside the scene, or columns of numbers.
 
-A file is read when its scene is, and written anew beside the scene of a run folder, under the name that its values
-determine (`granular_lmp.crystal.sphere_table`).
+A file is read together with its scene. A run folder holds a copy whose name follows from its values
+(`granular_lmp.crystal.sphere_table`).
 """
 
 import re
@@ -21,7 +21,7 @@ from granular_lmp.scene.spreadsheets import LENGTHS, Quantities, numbers
 
 Floats = NDArray[np.float64]
 MOST = 1_000_000  # rows
-LARGEST = 100_000_000  # bytes of a file: a row of all columns at full precision has 90
+LARGEST = 100_000_000  # bytes of a file: a row with all columns at full precision has 90
 _QUANTITIES: Quantities = {
     SITE: {"": 1.0},
     "density": {"kg/m3": 1.0, "g/cm3": 1e3},
@@ -38,7 +38,7 @@ _RULES: Mapping[str, Rule] = {
 
 @dataclass(frozen=True)
 class TableRule(Rule):
-    """Allowed values of a table of spheres: the name of a CSV file, or columns of numbers."""
+    """Rule for a table of spheres: the name of a CSV file, or columns of numbers."""
 
     @property
     def allowed(self) -> str:
@@ -57,8 +57,8 @@ class TableRule(Rule):
         Raises
         ------
         SceneError
-            If the file cannot be read, or is not the one that its name says; if there is no column, columns are of
-            different lengths, a number is not allowed, or a sphere is there twice.
+            If the file cannot be read, or was changed although its name follows from its values; if there is no column,
+            columns have different lengths, a number is not allowed, or a sphere is listed twice.
         """
         if isinstance(value, SphereTable):
             return value
@@ -75,7 +75,7 @@ TABLE_RULE = TableRule(str, "SI units", "values of single spheres, in place of t
 
 
 def located(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Return tables of a scene with the file of its spheres relative to the current folder."""
+    """Return the tables of a scene; the name of the sphere table becomes relative to the current folder."""
     packing = tables.get("packing")
     name = packing.get("table") if isinstance(packing, dict) else None
     if not isinstance(packing, dict) or not isinstance(name, str) or not name or isinstance(name, SphereTable):
@@ -90,8 +90,8 @@ def _read(name: str, key: str) -> SphereTable:
     table = SphereTable.of(found, name)
     if re.fullmatch(PATTERN, Path(name).name) and Path(name).name != table:
         raise SceneError(
-            f"{said}: was changed since it was written, as its values now have the name {str(table)!r}; "
-            "give a table of your own another name"
+            f"{said}: was changed since it was written (its values now have the name {str(table)!r}); give your own "
+            "table another name"
         )
     return table
 
@@ -116,19 +116,19 @@ def _of_lists(value: Mapping[str, Any], key: str) -> SphereTable:
 
 
 def _checked(columns: Mapping[str, Floats], said: str, place: Callable[[int], str]) -> Mapping[str, Floats]:
-    """Return columns as they are; `place` says where a row is.
+    """Return the columns after checks; `place` returns the place of a row in words.
 
     Raises
     ------
     SceneError
-        If there is no value of a sphere, a number is not allowed, or a sphere is there twice.
+        If a sphere has no value, a number is not allowed, or a sphere is listed twice.
     """
     count = max(map(len, columns.values()), default=0)
     if not set(columns) - {SITE} or not count:
         raise SceneError(f"{said}: must have a row and one of the columns {', '.join([*HEADS.values()][1:])}")
     for name, values in columns.items():
         interval = _RULES[name].interval
-        assert interval is not None  # each has one
+        assert interval is not None  # each sphere has one
         inside = (values >= interval.low) & (values <= interval.high)
         inside &= values == np.floor(values) if name == SITE else True
         inside |= np.isnan(values) & (name != SITE)

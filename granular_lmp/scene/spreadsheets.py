@@ -1,9 +1,9 @@
-"""Tables of numbers in CSV, as spreadsheets, digitizers and oscilloscopes write them: one reader for all of them.
+"""Read tables of numbers in CSV, as spreadsheets, digitizers and oscilloscopes write them.
 
-The head names quantities with their units: ``frequency_MHz``, ``frequency [MHz]``, ``Frequency (MHz)``,
-``frequency/MHz``, or by the symbol of a quantity, ``f (MHz)``. Cells are parted by commas, semicolons, tabs or spaces;
-where they are not parted by commas, decimals may have one. Lines above the head, lines that begin with # or %, empty
-lines and separators at the end of a line are passed over. What has two readings is refused.
+The header names quantities with their units: ``frequency_MHz``, ``frequency [MHz]``, ``Frequency (MHz)``,
+``frequency/MHz``, or with the symbol of a quantity, ``f (MHz)``. Commas, semicolons, tabs or spaces separate cells; if
+commas do not, decimals may have a comma. The reader skips lines above the header, lines that begin with # or %, empty
+lines, and separators at the end of a line. It refuses what has two readings.
 """
 
 import csv
@@ -20,36 +20,36 @@ from numpy.typing import NDArray
 from granular_lmp.errors import SceneError, one_line
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.files import LARGEST_TABLE, file_bytes
-from granular_lmp.scene.schema import shown
+from granular_lmp.scene.schema import near_name, shown
 
-Quantities = Mapping[str, Mapping[str, float]]  # the units of each quantity and their sizes in SI; "" for no unit
+Quantities = Mapping[str, Mapping[str, float]]  # units of each quantity and their sizes in SI; "" for no unit
 Words = Mapping[str, str]  # other words and symbols for a quantity
-Rows = Sequence[tuple[int, list[str]]]  # the number of each line, from 1, and its cells
+Rows = Sequence[tuple[int, list[str]]]  # number of each line, from 1, and its cells
 
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9}
 
-ERROR = "error"  # the one quantity of which a table may have several columns, each of another quantity
+ERROR = "error"  # the only quantity with several columns in a table, each about another quantity
 _PARTED_BY = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
 _COMMENT = "#%"
-_BREAKS = b"\n\r\v\f\x1c\x1d\x1e"  # end a line of text
-_LOWEST_HEAD, _WIDEST_HEAD = 200, 100  # lines in which a head is looked for, and their cells
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)  # float() takes 4_51.3 and ٤ too
+_BREAKS = b"\n\r\v\f\x1c\x1d\x1e"  # characters that end a line of text
+_LOWEST_HEAD, _WIDEST_HEAD = 200, 100  # largest number of lines searched for a header, and of their cells
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)  # float() would accept 4_51.3 and ٤ too
 _WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
-_UNIT = re.compile(r"(?:\s*[_/]|\s+in\s|(?=\s*[\[(]))\s*(.+)|\s*")  # behind the name of a quantity, or nothing
-_PER = re.compile(r"^1/(\w+)$|^(?:rad)?([a-z]+)\^?-1$")  # of a wave number, the one quantity in this unit
+_UNIT = re.compile(r"(?:\s*[_/]|\s+in\s|(?=\s*[\[(]))\s*(.+)|\s*")  # what may stand behind the name of a quantity
+_PER = re.compile(r"^1/(\w+)$|^(?:rad)?([a-z]+)\^?-1$")  # unit of a wave number only
 _SPELLED = str.maketrans({"µ": "u", "μ": "u", "−": "-", "°": "deg", "·": "", " ": "", "\xa0": ""})
 
 
 class TableError(SceneError):
-    """A table cannot be read; the text names the file, the line and what is allowed."""
+    """Error of a table that cannot be read; the text names the file, the line and what is allowed."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column by its head: what it holds, and its unit."""
+    """Column by its head: the quantity and its unit."""
 
     quantity: str
     unit: str
@@ -57,7 +57,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table, and in one line how it was understood. Each row has a cell for each column, "" for nothing."""
+    """Table and one line that says how it was understood; each row has a cell for each column, "" if empty."""
 
     columns: Sequence[Column]
     rows: Rows
@@ -65,7 +65,7 @@ class Table:
 
 
 def value_of(cell: str) -> float:
-    """Return the number in a cell, nan if it holds none."""
+    """Return the number in a cell, or nan if the cell holds none."""
     cell = cell.replace("\N{MINUS SIGN}", "-")
     return float(cell) if _NUMBER.fullmatch(cell) else nan
 
@@ -76,21 +76,20 @@ def read(file: str | Path, quantities: Quantities, words: Words, said: str = "")
     Parameters
     ----------
     file : a regular file of at most `LARGEST_TABLE` bytes, in UTF-8, UTF-16 with a byte order mark, or Windows-1252.
-    quantities : what a column may hold, with its units.
-    words : other words and symbols for a quantity.
-    said : what the user wrote for the file, if that is not its path.
+    quantities : quantities that a column may hold, with their units. words : other words and symbols for a quantity.
+    said : the name that the user wrote for the file, if it is not the path.
 
     Raises
     ------
     SceneError
-        If the file cannot be read, has no head, or a head or a line is not understood.
+        If the file cannot be read or has no header, or if a head or a line is not understood.
     """
     said = said or str(file)
     return _of_bytes(file_bytes(Path(file), LARGEST_TABLE, said), Heads(quantities, words), said)
 
 
 def say_understood(table: Table) -> None:
-    """Say how a table was understood, which commands print as a note."""
+    """Note how a table was understood; commands print this note."""
     import logging  # kept out of start-up
 
     logging.getLogger(__name__).info("%s", table.understood)
@@ -106,18 +105,20 @@ def _of_bytes(raw: bytes, heads: "Heads", said: str) -> Table:
 def numbers(
     file: str | Path, quantities: Quantities, words: Words, said: str, *, largest: int, most: int
 ) -> tuple[Sequence[int], dict[str, NDArray[np.float64]]]:
-    """Return the numbers of the lines of a table, and its columns by quantity in SI units, nan for empty cells.
+    """Return the line numbers of a table, and its columns by quantity in SI units, with nan for empty cells.
 
-    It takes the file as `read` does; every cell must be a number or empty. A head in the first line over numbers that
-    are parted by commas is read in a tenth of the time and a fifth of the memory.
+    The arguments are those of `read`; every cell must be a number or empty. A header in the first line, above numbers
+    separated by commas, takes a tenth of the time and a fifth of the memory.
 
     Raises
     ------
     SceneError
-        As `read` does, for more than `most` rows, or for a cell that is no number.
+        As `read` does; also for more than `most` rows, or for a cell that is not a number.
     """
     raw, heads = file_bytes(Path(file), largest, said), Heads(quantities, words)
-    if len(raw) - len(raw.translate(None, _BREAKS)) > 2 * most + _LOWEST_HEAD:  # two end a line on some systems
+    if (
+        len(raw) - len(raw.translate(None, _BREAKS)) > 2 * most + _LOWEST_HEAD
+    ):  # on some systems two characters end a line
         raise TableError(f"{said}: must have at most {most} rows")
     columns: Sequence[Column]
     lines: Sequence[int]
@@ -138,7 +139,7 @@ def numbers(
 
 
 def _plain(raw: bytes, heads: "Heads") -> tuple[list[Column], NDArray[np.float64]] | None:
-    """Return the columns and numbers of a table that holds nothing but a head and rows of numbers, else None."""
+    """Return the columns and numbers of a table that holds only a head and rows of numbers, else None."""
     first, _, body = raw.partition(b"\n")
     if not (raw.isascii() and body.strip(b"\n")) or body.translate(None, b"0123456789+-.eE,\n"):
         return None
@@ -155,7 +156,7 @@ def _plain(raw: bytes, heads: "Heads") -> tuple[list[Column], NDArray[np.float64
 
 
 def _values(columns: Sequence[Column], line: int, cells: Sequence[str], said: str) -> list[float]:
-    """Return the numbers of a line; TableError for a cell that is neither a number nor empty."""
+    """Return the numbers of a line; raise TableError for a cell that is neither a number nor empty."""
     found = [value_of(cell) for cell in cells]
     for column, cell, value in zip(columns, cells, found, strict=True):
         if isnan(value) and cell:
@@ -167,7 +168,7 @@ def _decoded(raw: bytes) -> str:
     wide = raw.startswith((BOM_UTF16_LE, BOM_UTF16_BE))
     for encoding in ("utf-16",) if wide else ("utf-8", "cp1252"):
         try:
-            text = raw.decode(encoding).lstrip("\ufeff")  # the mark of the byte order
+            text = raw.decode(encoding).lstrip("\ufeff")  # byte order mark
         except UnicodeDecodeError:
             continue
         if "\0" not in text:
@@ -192,7 +193,7 @@ class Heads:
         return ", ".join(name if "" in units else f"{name}_UNIT" for name, units in sorted(self.quantities.items()))
 
     def column(self, head: str) -> Column | None:
-        """Return what a head says, in whatever unit; None if it names no quantity."""
+        """Return the column that a head names, in any unit; None if it names no quantity."""
         for word, quantity in self._patterns:
             found = word.match(head)
             if found and (unit := _UNIT.fullmatch(head, found.end())):
@@ -201,21 +202,17 @@ class Heads:
         return None
 
     def knows(self, head: str) -> bool:
-        """Return whether a head is understood, with its unit."""
+        """Return whether a head and its unit are understood."""
         column = self.column(head)
         return column is not None and column.unit in self.quantities[column.quantity]
 
     def near(self, head: str) -> str:
-        """Return the head that is nearly the same, "" if none is."""
-        from difflib import get_close_matches  # kept out of start-up
-
+        """Return the allowed head that is nearly the same, or "" if there is none."""
         every = [f"{name}_{unit}".strip("_") for name, units in self.quantities.items() for unit in units]
-        folded = {each.lower(): each for each in every}
-        plain = re.sub(r"[\s_\[\]()]+", "_", head.lower()).strip("_")
-        return next((folded[each] for each in get_close_matches(plain, folded, n=1)), "")
+        return near_name(re.sub(r"[\s_\[\]()]+", "_", head).strip("_"), every)
 
     def checked(self, head: str) -> Column:
-        """Return what a head says; ValueError if it is not understood."""
+        """Return the column that a head names; raise ValueError if it is not understood."""
         column = self.column(head)
         if column is None:
             near = self.near(head)
@@ -255,15 +252,14 @@ def _table(text: str, heads: Heads, said: str) -> Table:
 
 def _cells(line: str, separator: str) -> list[str]:
     if separator == " ":
-        return re.split(r"\s+(?![\[(])", line.strip())  # the unit in brackets belongs to what stands before it
+        return re.split(r"\s+(?![\[(])", line.strip())  # a unit in brackets belongs to the word before it
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
 
 
 def _head(lines: Sequence[tuple[int, str]], heads: Heads) -> tuple[int, str, list[str]]:
-    """Return the number of lines up to the head, what parts its cells, and the cells: where most is understood.
+    """Return where most heads are understood: number of lines up to the header, separator, and cells.
 
-    Of equals it is the first. Raises ValueError if nothing is understood anywhere, with the head that is nearly the
-    same.
+    The first of equal candidates wins. Raises ValueError if nothing is understood; its text holds the nearest head.
     """
     best, found = (0, 0), None
     for after, separator, cells in _may_be_heads(lines):
@@ -281,7 +277,7 @@ def _head(lines: Sequence[tuple[int, str]], heads: Heads) -> tuple[int, str, lis
 
 
 def _may_be_heads(lines: Sequence[tuple[int, str]]) -> Iterator[tuple[int, str, list[str]]]:
-    """Yield each line as a head, and with the line below as its units: the lines up to it, a separator, its cells."""
+    """Yield each line as a header, alone or with units in the next line: lines up to it, separator, cells."""
     for after, (_, line) in enumerate(lines[:_LOWEST_HEAD], 1):
         for separator in _PARTED_BY:
             cells = _cells(line.lstrip(_COMMENT), separator)
@@ -305,9 +301,9 @@ def _rows(lines: Sequence[tuple[int, str]], separator: str, width: int) -> Itera
 
 
 def _with_points(rows: Rows, separator: str) -> tuple[Rows, bool]:
-    """Return rows whose decimals have points, and whether they had commas.
+    """Return rows with decimal points, and whether they had decimal commas.
 
-    Raises ValueError for a table with both, and for commas that may part thousands.
+    Raises ValueError for a table with both, and for commas that may separate thousands.
     """
     commas = [(count, cell) for count, cells in rows for cell in cells if _WITH_COMMA.fullmatch(cell)]
     if not commas:

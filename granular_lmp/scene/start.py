@@ -1,8 +1,8 @@
-"""The state in which a run begins: displacements from rest and velocities of single spheres, and noise of all.
+"""State in which a run begins: displacements from rest and velocities of single spheres, and noise on all.
 
-A scene has them in a CSV file or as numbers. A file is read when its scene is: from then on the scene and its run
-folder hold the numbers themselves. The columns of a file are those of ``granular-lmp export``, so that a file of one
-time of a run is a state; the shear of contacts that rub is not in it.
+A scene has the state in a CSV file or as numbers. A file is read together with its scene; afterwards the scene and its
+run folder hold the numbers. Its columns are those of ``granular-lmp export``, so the export of one time of a run is a
+state, but without the shear of contacts with friction.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,27 +24,31 @@ from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
 from granular_lmp.scene.schema import Rule, count, flag, number, shown
 from granular_lmp.scene.spreadsheets import LENGTHS, TIMES, read, say_understood, value_of
 
-State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole, or of IN_SPACE too
+State = Sequence[
+    tuple[float, ...]
+]  # for each sphere the numbers of COLUMNS, of which two are whole, and perhaps those of IN_SPACE
 COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")
-IN_SPACE = ("uz_m", "vz_m_s", "spinx_rad_s", "spiny_rad_s")  # behind them, of spheres that leave the plane
-# The nine components of a motion, ux uy uz, vx vy vz, spins about x, y, z: where they stand behind row and column
+IN_SPACE = ("uz_m", "vz_m_s", "spinx_rad_s", "spiny_rad_s")  # further columns for spheres that leave the plane
+# Places, behind row and column, of the components of a motion: ux uy uz, vx vy vz, spins about x, y, z
 _PARTS = (0, 1, 5, 2, 3, 6, 7, 8, 4)
 _OUT_OF_PLANE = [2, 5, 6, 7]
 _SPATIAL = {each.partition("_")[0] for each in IN_SPACE}
-# What a file may hold; it may have a time too, as it names each sphere once
+# Quantities that a file may hold; a time is allowed too, as each sphere stands in the file once
 _UNITS: dict[str, dict[str, float]] = {
     **{"row": {"": 1.0}, "column": {"": 1.0}, "t": TIMES, "u": LENGTHS, "spin": {"rad/s": 1.0}},
     "v": {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6},
 }
 _QUANTITIES = {name: _UNITS[name.rstrip("xyz")] for name in ["t", *(e.partition("_")[0] for e in COLUMNS + IN_SPACE)]}
-MOST = 5000  # spheres: a scene file below `granular_lmp.scene.files.LARGEST_FILE`
-FARTHEST = 1e6  # radii that a state displaces a sphere at most; LAMMPS sorts the whole box into bins of a sphere each
-SMALLEST, LARGEST = 1e-30, 1e12  # any number but 0, in SI: no power of it overflows, or is lost
+MOST = 5000  # spheres: the scene file then stays below `granular_lmp.scene.files.LARGEST_FILE`
+FARTHEST = (
+    1e6  # largest displacement of a state, in radii; LAMMPS sorts the whole box into bins of the size of a sphere
+)
+SMALLEST, LARGEST = 1e-30, 1e12  # size of any number except 0, in SI: its powers neither overflow nor vanish
 
 
 @dataclass(frozen=True)
 class StateRule(Rule):
-    """Allowed values of a state: the name of a CSV file, or a list of seven or eleven numbers for each sphere."""
+    """Rule for a state: the name of a CSV file, or a list of seven or eleven numbers for each sphere."""
 
     @property
     def allowed(self) -> str:
@@ -69,7 +73,7 @@ class StateRule(Rule):
         Raises
         ------
         SceneError
-            If the file cannot be read or lacks a column, a number is none, or a sphere is named twice.
+            If the file cannot be read or lacks a column, a value is not a number, or a sphere is listed twice.
         """
         if isinstance(value, str) and value.endswith(".csv"):
             rows: Iterable[tuple[str, Any]] = _read(value, key)
@@ -90,20 +94,24 @@ class StateRule(Rule):
 
 @dataclass(frozen=True)
 class Start:
-    """Displacements and velocities of spheres at the start; spheres that are not named are at rest, in their places.
+    """Displacements and velocities of spheres at the start; all other spheres are at rest in their places.
 
-    With ``noise`` v every sphere that is free to move has a random velocity on top: along x, along y, and of its
-    surface where it turns, each uniform in ±v less their mean: they have no momentum. In a chain it is along y alone,
-    and in space along z and of the surface about x and y too.
+    With ``noise`` v every sphere that is free to move has an additional random velocity along x, along y and, if it
+    turns, of its surface. Each component is uniform in ±v; its mean is subtracted, so the total momentum is 0. In a
+    chain the velocity is only along y; in space it is also along z and of the surface about x and y.
 
-    With ``touching`` spheres that adhere do not begin at rest under their adhesion, but with contacts of no overlap, as
-    bodies that meet: their contacts snap in as soon as they close.
+    With ``touching``, adhering spheres begin with overlap 0, as bodies that meet, and not at rest under their adhesion.
+    Their contacts snap in as soon as they close.
     """
 
-    state: State = field(default=(), metadata={"rule": StateRule(str, "SI units", "of single spheres; others rest")})
-    noise: float = number("m/s", "largest random velocity along each axis, of all spheres", 0, 1e4, default=0.0)
-    seed: int = count("of the random velocities", 0, 2**32 - 1, default=0)
-    touching: bool = flag("spheres that adhere begin just in touch, not with their overlap at rest", default=False)
+    state: State = field(
+        default=(), metadata={"rule": StateRule(str, "SI units", "state of single spheres; all others are at rest")}
+    )
+    noise: float = number("m/s", "largest random velocity of all spheres along each axis", 0, 1e4, default=0.0)
+    seed: int = count("seed of the random velocities", 0, 2**32 - 1, default=0)
+    touching: bool = flag(
+        "true: adhering spheres begin with overlap 0 in place of their overlap at rest", default=False
+    )
 
     @property
     def places(self) -> list[tuple[int, int]]:
@@ -111,7 +119,7 @@ class Start:
         return [(int(row), int(column)) for row, column, *_ in self.state]
 
     def at(self) -> tuple[AtPlaces, ...]:
-        """Return the places of the spheres, () without any."""
+        """Return the places of the spheres; () if there are none."""
         return (AtPlaces(spheres=tuple(self.places)),) if self.state else ()
 
     @property
@@ -128,13 +136,13 @@ class Start:
         return bool(self.noise or (self.state and self.motion.any()))
 
     def fastest(self, radius: float) -> float:
-        """Return the largest velocity, m/s, also of the surface of a sphere of this radius that turns."""
+        """Return the largest velocity, m/s, including the surface velocity of a turning sphere of this radius."""
         moving, turning = (np.linalg.norm(self.motion[:, part], axis=1) for part in (slice(3, 6), slice(6, 9)))
         own = max(moving.max(initial=0.0), radius * turning.max(initial=0.0))
-        return float(own) + 2 * sqrt(2) * self.noise  # less the mean velocity, which is below the noise
+        return float(own) + 2 * sqrt(2) * self.noise  # minus the mean velocity, which is below the noise
 
     def random(self, count: int, space: int = 2) -> NDArray[np.float64]:
-        """Return random velocities, and those of the surface, m/s, of spheres in the order of a crystal, (count, 6)."""
+        """Return random velocities and surface velocities, m/s, of spheres in the order of a crystal, (count, 6)."""
         random, found = np.random.default_rng(self.seed), np.zeros((count, 6))
         moving = [0, 1, 5] if space == 2 else [*range(6)]
         found[:, moving] = random.uniform(-self.noise, self.noise, (count, len(moving)))
@@ -168,7 +176,7 @@ def state_in(
     Raises
     ------
     SceneError
-        If the state moves a vacancy or what cannot move, or presses spheres too deep.
+        If the state moves a vacancy or a sphere that cannot move, or presses spheres together too deeply.
     """
     motion = np.zeros((len(crystal), 9))
     if start.noise:
@@ -198,19 +206,19 @@ def _declared(
     """Return the declared part of `state_in`."""
     motion = np.zeros((len(crystal), 9))
     row, column = np.array(start.places).T
-    ascending = np.lexsort((column, row))  # as the spheres of a crystal
+    ascending = np.lexsort((column, row))  # in the order of the spheres in the crystal
     try:
         motion[spheres_at((), start.places, crystal, "sphere that moves")] = start.motion[ascending]
     except SceneError as error:
         raise SceneError(f"start.state: {error}", because=error.because) from error
     own, everything = np.isin(np.arange(len(crystal)), np.concatenate([np.empty(0), *struck])), [*range(9)]
     chain = crystal.info["lattice_name"] == CHAIN.name
-    refuse_motion(motion, everything, crystal, crystal.arrays["fixed"], "of a held row, which does not move")
-    refuse_motion(motion, everything, crystal, own, "of a [[striker]], which has its own velocity")
+    refuse_motion(motion, everything, crystal, crystal.arrays["fixed"], "in a held row, which does not move")
+    refuse_motion(motion, everything, crystal, own, "in a [[striker]], which has its own velocity")
     if chain:
-        refuse_motion(motion, [0, 3], crystal, ~own | own, "of a chain, which nothing holds sideways")
+        refuse_motion(motion, [0, 3], crystal, ~own | own, "in a chain, which nothing holds sideways")
     if space == 2:
-        refuse_motion(motion, _OUT_OF_PLANE, crystal, ~own | own, "in the plane; a [substrate] lets it leave")
+        refuse_motion(motion, _OUT_OF_PLANE, crystal, ~own | own, "in the plane; only with a [substrate] can it leave")
     if not turns:
         refuse_motion(
             motion, [6, 7, 8], crystal, ~own | own, "where nothing turns it (effects.friction, effects.rotation)"
@@ -237,7 +245,7 @@ def _declared(
 def refuse_motion(
     motion: NDArray[np.float64], columns: list[int], crystal: ase.Atoms, who: NDArray[np.bool_], why: str
 ) -> None:
-    """Raise a SceneError if spheres that cannot move so do."""
+    """Raise SceneError if spheres move in a way that they cannot."""
     for sphere, column in np.argwhere(motion[:, columns] * who[:, None] != 0)[:1]:
         name, value = (COLUMNS + IN_SPACE)[2:][_PARTS[columns[column]]], motion[sphere, columns[column]]
         at = place_of(crystal, sphere)
@@ -247,7 +255,7 @@ def refuse_motion(
 
 
 def located(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Return tables of a scene with the file of its state relative to the current folder."""
+    """Return the tables of a scene; the name of the file of its state becomes relative to the current folder."""
     start = tables.get("start")
     if not isinstance(start, dict) or not isinstance(start.get("state"), str):
         return tables
@@ -255,7 +263,7 @@ def located(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _checked(values: Any, where: str) -> tuple[float, ...]:
-    """Return seven numbers of a sphere, row and column whole, or eleven."""
+    """Return the seven or eleven numbers of a sphere, with row and column as whole numbers."""
     every = COLUMNS + IN_SPACE
     if not isinstance(values, list | tuple) or len(values) not in (len(COLUMNS), len(every)):
         raise SceneError(
@@ -273,17 +281,17 @@ def _checked(values: Any, where: str) -> tuple[float, ...]:
 
 
 def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
-    """Yield where each line of a file is and its numbers, in the order of COLUMNS; columns left out are 0."""
+    """Yield the place of each line in a file, and its numbers in the order of COLUMNS; missing columns are 0."""
     file = f"{key} = {shown(name)}"
     table = read(Path(name), _QUANTITIES, {}, file)
     say_understood(table)
     names = [each.quantity for each in table.columns]
     for needed in COLUMNS[:2]:
         if needed not in names:
-            raise SceneError(f"{file}: column {needed}: is missing; must have row, column and any of {COLUMNS[2:]}")
+            raise SceneError(f"{file}: column {needed}: missing; must have row, column and any of {COLUMNS[2:]}")
     ways = [each.partition("_")[0] for each in (COLUMNS + IN_SPACE if set(names) & _SPATIAL else COLUMNS)]
     if not set(names) & set(ways[2:]):
-        raise SceneError(f"{file}: must have one of the columns {', '.join(COLUMNS[2:])}: nothing moves without them")
+        raise SceneError(f"{file}: must have one of the columns {', '.join(COLUMNS[2:])}: without them nothing moves")
     for line, cells in table.rows:
         said = {
             each.quantity: cell if isnan(value_of(cell)) else value_of(cell) * _QUANTITIES[each.quantity][each.unit]

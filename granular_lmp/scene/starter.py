@@ -1,4 +1,4 @@
-"""A scene file to begin with: a shipped scene with a comment behind each value."""
+"""Scene file to begin with: a shipped scene with a comment behind each value."""
 
 from pathlib import Path
 
@@ -8,10 +8,10 @@ from granular_lmp.scene.document import note
 
 _HEAD = """\
 # Run it:                        granular-lmp run {file}
-# What it would take:            granular-lmp check {file}
+# Check it without a run:        granular-lmp check {file}
 # Change one value:              granular-lmp run {file} --set {change}
 # Every key, with what is allowed: granular-lmp {schema}
-# Tables that may be added:      {tables}
+# Optional tables:               {tables}
 
 """
 _OF_WAVE = {
@@ -27,7 +27,7 @@ _OF_STRIKE = {
 
 
 def starter(scene: Declaration, file: str) -> str:
-    """Return the text of a scene file; keys that take the place of another one stand in it as comments."""
+    """Return the text of a scene file; keys that replace another key stand in it as comments."""
     section = ""
     lines = []
     for line in scene.to_toml(full=True).splitlines():
@@ -50,9 +50,9 @@ def write_starter(path: str | Path, scene: Declaration) -> None:
     Raises
     ------
     SceneError
-        When the file's name is not that of a scene.
+        If the name of the file cannot be the name of a scene.
     RunFolderError
-        When the file is there already or cannot be written.
+        If the file exists already or cannot be written.
     """
     path = Path(path)
     text = starter(scene.with_values({"name": path.stem, "description": ""}), str(path))
@@ -62,6 +62,6 @@ def write_starter(path: str | Path, scene: Declaration) -> None:
         for name, pieces in scene.beside.items():
             path.with_name(name).write_text("".join(pieces), encoding="utf-8")
     except FileExistsError as error:
-        raise RunFolderError(f"{path}: is there already; choose another name") from error
+        raise RunFolderError(f"{path}: exists already; choose another name") from error
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be written: {one_line(error)}") from error

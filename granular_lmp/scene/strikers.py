@@ -1,4 +1,4 @@
-"""Strikers: spheres of the crystal that have a velocity at the beginning, beside that of a wave or of a state."""
+"""Strikers: spheres of the crystal with an initial velocity, in addition to that of a wave or of a state."""
 
 from collections.abc import Iterator, Sequence
 from math import cos, radians, sin, sqrt
@@ -22,14 +22,14 @@ WORDS |= {f"-{name}": (0.0 - x, 0.0 - y, 0.0 - z) for name, (x, y, z) in WORDS.i
 
 @dataclass(frozen=True)
 class Striker(AtPlaces):
-    """Spheres of the lattice that have a velocity at the beginning; the first row of a chain is its usual striker.
+    """Spheres of the lattice with an initial velocity; in a chain usually the first row.
 
-    Their own radius, density or material is declared by an ``[[inclusion]]`` of the same spheres.
+    An ``[[inclusion]]`` of the same spheres declares their own radius, density or material.
     """
 
     velocity: float = number("m/s", "of each sphere; must be given", 1e-9, 1e4, default=0.0)
     direction: float | str = number(
-        "degrees", "from x towards y; or a word, z in space", -180, 180, open_low=True, words=tuple(WORDS), default="y"
+        "degrees", "from x towards y; or a word; z in space", -180, 180, open_low=True, words=tuple(WORDS), default="y"
     )
 
     @property
@@ -43,12 +43,12 @@ class Striker(AtPlaces):
 
     @property
     def along_y(self) -> bool:
-        """True if the velocity is along the rows of contacts of a chain."""
+        """True if the velocity is along a chain."""
         return self.direction in ("y", "-y", 90.0, -90.0)
 
 
 def striker_troubles(strikers: Sequence[Striker], shape: Shape, space: int) -> Iterator[str]:
-    """Yield what is wrong with each striker by itself, of spheres that move in `space` dimensions."""
+    """Yield the errors of each single striker, for spheres that move in `space` dimensions."""
     for number_, each in enumerate(strikers, 1):
         if not each.velocity:
             yield f"striker {number_}: velocity: missing; must be a number in [1e-9, 10000], m/s"
@@ -68,20 +68,20 @@ def striker_troubles(strikers: Sequence[Striker], shape: Shape, space: int) -> I
 
 
 def fastest_striker(strikers: Sequence[Striker]) -> float:
-    """Return the largest velocity of strikers, m/s; 0 without any."""
+    """Return the largest velocity of strikers, m/s; 0 if there are none."""
     return max((each.velocity for each in strikers), default=0.0)
 
 
 def leads(strikers: Sequence[Striker], start: Start, radius: float) -> bool:
-    """Return whether a striker is the fastest sphere at the beginning, beside those of a state."""
+    """Return whether a striker is at the beginning the fastest sphere, compared with the spheres of a state."""
     return bool(strikers) and fastest_striker(strikers) >= start.fastest(radius)
 
 
 def scale_of(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> Scale:
-    """Return the units of an impact: those of the fastest sphere at the beginning, on spheres that just touch.
+    """Return the units of an impact: they follow from the fastest initial velocity, for spheres that just touch.
 
-    Where all are let go from rest, the largest displacement is ℓ, which gives v = √(A/m) ℓ^{5/4}. Adhesion and
-    compression of the spheres are not theirs.
+    If all spheres are released from rest, the largest displacement ℓ gives v = √(A/m) ℓ^{5/4}. The units do not depend
+    on adhesion or compression of the spheres.
     """
     unloaded = sphere.unloaded
     fastest = max(fastest_striker(strikers), start.fastest(sphere.radius))
@@ -90,10 +90,10 @@ def scale_of(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> Scale
 
 
 def stretch(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> float:
-    """Return a bound of the stretch and slip of contacts, Δ0: v √(m/k1), and twice the displacement of a state.
+    """Return a bound for stretch and slip of contacts, in Δ0: v √(m/k1) plus twice the displacement of a state.
 
-    The energy ½mv² of a sphere stretches one contact by at most that, and the contacts around it by less. Spheres of
-    `sphere` are meant; lighter ones stretch less.
+    The energy ½mv² of a sphere stretches one contact by at most v √(m/k1), and the contacts around it by less. The mass
+    is that of `sphere`; lighter spheres stretch contacts less.
     """
     speed = max(fastest_striker(strikers), start.fastest(sphere.radius))
     return (speed * sqrt(sphere.mass / sphere.normal_stiffness) + 2 * start.farthest) / sphere.static_overlap
@@ -105,7 +105,7 @@ def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.
     Raises
     ------
     SceneError
-        If a striker is a vacancy, is held, or in another striker too.
+        If a sphere of a striker is a vacancy, is held, or belongs to another striker too.
     """
     taken: set[int] = set()
     found = []
@@ -115,7 +115,9 @@ def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.
         except SceneError as error:
             raise SceneError(f"striker {number_}: {error}", because=error.because) from error
         free = chosen[~crystal.arrays["fixed"][chosen]]
-        if len(free) < len(chosen) and not (striker.rows and len(free)):  # spheres of rows stay where sides hold them
+        if len(free) < len(chosen) and not (
+            striker.rows and len(free)
+        ):  # spheres of whole rows do not move where sides hold them
             raise SceneError(
                 f"striker {number_}: {striker.places}: is at a face that is held, which does not move",
                 because="physics",

@@ -1,9 +1,9 @@
-"""Hints for keys that a scene does not have: what is not supported, and what is declared by another key.
+"""Hints for keys that a scene does not have: they are not supported, or another key declares the same.
 
-The reasons are on the page ``docs/reference/not-there.md`` of the repository.
+The reasons are on the page What is not there.
 """
 
-# Where to go → words, in lower case, that somebody would try as a key
+# What to use → words, in lower case, that a user may try as a key
 NOT_SUPPORTED = {
     "use fix gravity in a deck of your own": "gravity g weight",
     "use fix langevin in a deck of your own": "temperature heat thermal",
@@ -24,7 +24,7 @@ ELSEWHERE = {
 
 
 def hint(key: str) -> str | None:
-    """Return what to use in place of a key that does not exist; None for a word that nobody asks for."""
+    """Return what to use in place of a key that does not exist; None for an unknown word."""
     for hints, form in ((NOT_SUPPORTED, "not supported; {}"), (ELSEWHERE, "unknown key; {}")):
         for where, words in hints.items():
             if key.lower() in words.split():

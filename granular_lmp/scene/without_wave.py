@@ -1,7 +1,7 @@
-"""Differences of scenes without ``[wave]``: defaults of keys, and tables and keys that only one kind of scene has.
+"""Scenes without ``[wave]``: how their defaults differ, and which tables and keys only one kind of scene has.
 
-Spheres of such a scene are held at rest by adhesion or a load, or they are not (`held_at_rest`), and then nothing has a
-stiffness. Each key is declared once, with its range and its default beside a wave (`granular_lmp.scene.sections`).
+In such a scene adhesion or a load may hold the spheres at rest (`held_at_rest`); otherwise contacts have no stiffness.
+Each key is declared once, with its range and its default for a scene with a wave (`granular_lmp.scene.sections`).
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from granular_lmp.scene.records import Variant
 
 # Kinds of scenes
 WAVE, HELD, NOT_HELD = "wave", "held at rest", "not held at rest"
-MOVING_TABLES = ("striker", "start", "source")  # a scene without [wave] has at least one
+MOVING_TABLES = ("striker", "start", "source")  # a scene without [wave] has at least one of these tables
 AT_REST = "sphere.work_of_adhesion above 0, or packing.contact_force in a sheet"
 NEEDS_ADHESION = {"sphere.adhesion_law": "is only for spheres that adhere; needs sphere.work_of_adhesion above 0, J/m2"}
 
@@ -73,7 +73,7 @@ _ONLY_HELD: dict[str, str] = {
 _ONLY_NOT_HELD: dict[str, str] = {
     "effects.shear_damping": "must be left out where spheres are held at rest, whose viscosity damps both motions"
 }
-# Missing features; what refuses the other keys is physics, or another key says the same
+# Missing features; the other refusals are physics, or another key declares the same
 _NOT_BUILT = ("packing.layers", "packing.depth", "packing.orientation", "packing.space")
 _SAID_ELSEWHERE = ("output.",)
 
@@ -85,22 +85,23 @@ VARIANTS = {
 
 
 def variant_of(tables: Mapping[str, Any]) -> str:
-    """Return the kind of scene that tables declare; `WAVE` where nothing moves, as ``[wave]`` is missing then."""
+    """Return the kind of scene that tables declare; `WAVE` if nothing moves, as then ``[wave]`` is missing."""
     if "wave" in tables or tables.keys().isdisjoint(MOVING_TABLES):
         return WAVE
     return HELD if held_at_rest(tables) else NOT_HELD
 
 
 def holds(adhesion: float, force: float, *, sheet: bool, touching: bool) -> bool:
-    """Return whether spheres without a wave are held at rest: they adhere, or a force presses a sheet together.
+    """Return whether spheres without a wave are held at rest, by adhesion or by a force on a sheet.
 
-    Those that begin `touching` are not yet pulled to their overlap, and a chain under a force parts as it is struck.
+    Spheres that begin `touching` have not reached their overlap at rest, and a compressed chain opens when it is
+    struck.
     """
     return not touching and (adhesion > 0 or force > 0 and sheet)
 
 
 def held_at_rest(tables: Mapping[str, Any]) -> bool:
-    """Return what tables without a wave say of it, checked or not, as `Scene.held_at_rest` of a scene."""
+    """Return whether tables without a wave, checked or not, hold spheres at rest, like `Scene.held_at_rest`."""
     names = ("sphere", "packing", "start")
     sphere, packing, start = (each if isinstance(each := tables.get(key), Mapping) else {} for key in names)
     sheet = packing.get("lattice", CHAIN.name) != CHAIN.name
@@ -109,7 +110,7 @@ def held_at_rest(tables: Mapping[str, Any]) -> bool:
 
 
 def refuse_tables(tables: Mapping[str, Any]) -> None:
-    """Raise a SceneError for the first table or key that the kind of scene of these tables does not have."""
+    """Raise SceneError for the first table or key that this kind of scene does not have."""
     variant, sphere = variant_of(tables), tables.get("sphere")
     adheres = variant == WAVE or isinstance(sphere, Mapping) and sphere.get("work_of_adhesion")
     refused = {**VARIANTS[variant].refused, **({} if adheres else NEEDS_ADHESION)}

@@ -1,4 +1,4 @@
-"""The run of a collision as a scene, and what it tells of the contact: overlap, force, contact time, restitution."""
+"""Run a collision as a scene, and read off the contact: overlap, force, contact time, restitution."""
 
 import json
 import tempfile
@@ -25,19 +25,19 @@ __all__ = ["run"]
 DECLARED = "collision.toml"
 COURSE = "collision.csv"
 RESULT = "collision.json"
-FEWEST_RECORDS = 4  # records of a contact that the cubic of `Result.contact_time` needs
+FEWEST_RECORDS = 4  # fewest records of a contact for the cubic in `Result.contact_time`
 
 
 @dataclass(frozen=True, repr=False)
 class Result:
-    """The course of a collision, in SI units; T records of B bodies, 1 or 2.
+    """Course of a collision, in SI units: T records of B = 1 or 2 bodies.
 
     Attributes
     ----------
     time : (T,) array
         Time since first touch, s.
     overlap : (T,) array
-        Overlap δ, m; negative after the bodies have parted, and by the law "jkr" shortly before.
+        Overlap δ, m; negative after the bodies have separated, and with the law "jkr" shortly before.
     normal_force, tangential_force : (T,) arrays
         Force on the first sphere, N; repulsion and a push along +y are positive.
     velocity : (T, B, 2) array
@@ -49,7 +49,7 @@ class Result:
     kernel : bool
         True if the kernel computed the contact.
     engine : Engine or None
-        What took the steps in place of LAMMPS.
+        Engine that took the steps in place of LAMMPS.
     """
 
     collision: Collision
@@ -75,25 +75,25 @@ class Result:
 
     @cached_property
     def touching(self) -> int:
-        """Number of records until the bodies part, T if they do not: δ > −`Collision.pull_off_distance`."""
+        """Number of records before the bodies separate, δ > −`Collision.pull_off_distance`; T if they do not."""
         apart = self.overlap < -self.collision.pull_off_distance
         return int(np.argmax(apart)) if apart.any() else len(apart)
 
     @cached_property
     def sticks(self) -> bool:
-        """True if adhesion holds the bodies together: the overlap has turned round twice, and they touch to the end.
+        """True if adhesion holds the bodies together: the overlap has reversed twice, and they touch to the end.
 
-        Nothing damps their motion: they swing about the overlap at rest.
+        Without damping they oscillate about the overlap at rest.
         """
         turns = np.count_nonzero(np.diff(np.sign(np.diff(self.overlap))))
         return self.touching == len(self.overlap) and bool(turns > 1)
 
     @cached_property
     def contact_time(self) -> float:
-        """Time from first touch until the bodies part, s: the root of the cubic through the last four records.
+        """Time from first touch to separation, s: the root of the cubic through the last four records.
 
-        Only records in contact are used, because the acceleration jumps where adhesion ends. It is infinite for bodies
-        that stick.
+        Only records in contact are used, because the acceleration jumps where adhesion ends. The time is infinite for
+        bodies that stick.
         """
         if self.sticks:
             return inf
@@ -104,7 +104,7 @@ class Result:
 
     @property
     def restitution(self) -> float:
-        """Coefficient of restitution e: the velocity after over that before, along x; 0 if the bodies stick."""
+        """Coefficient of restitution e: velocity after over velocity before, along x; 0 if the bodies stick."""
         if self.sticks:
             return 0.0
         normal = self.velocity[:, :, 0]
@@ -114,7 +114,7 @@ class Result:
     def numbers(self) -> dict[str, float]:
         """Return the results of the collision, by name with the unit.
 
-        Contact time, velocities and spins are those after it; bodies that stick have none.
+        Velocities and spins are those after the collision; bodies that stick have none, and no contact time.
         """
         named = {"largest_overlap_m": self.largest_overlap, "largest_force_N": self.largest_force}
         if self.sticks:
@@ -129,14 +129,14 @@ class Result:
     def errors(self) -> dict[str, float]:
         """Return the difference of each of `numbers` from a run with twice the step.
 
-        The difference is three times the error of a number of second order in the step, and the error of one of first
-        order (damping, adhesion, the law "incremental"). It breaks down for the final velocity of adhesive spheres: the
-        contact ends abruptly at any moment of a step, so the velocity errs by up to F Δt/m* whatever the difference is.
+        The difference is three times the error of a number of second order in the step. It equals the error of a number
+        of first order (damping, adhesion, the law "incremental"). It fails for the final velocity of adhesive spheres:
+        the contact ends abruptly at any moment of a step, so the error may be F Δt/m* although the difference is small.
 
         Raises
         ------
         SceneError
-            If the bodies stick with one of the steps and part with the other.
+            If the bodies stick with one of the steps and separate with the other.
         """
         impact = self.collision.collision
         coarse = replace(self.collision, collision=replace(impact, steps=impact.steps // 2))
@@ -146,7 +146,7 @@ class Result:
             words = ("part", "stick")
             raise SceneError(
                 f"collision.steps = {impact.steps!r}: the bodies {words[self.sticks]}, and {words[other.sticks]} with "
-                "half as many; take more steps, or another collision.normal_velocity"
+                "half as many; use more steps, or another collision.normal_velocity"
             )
         there = other.numbers()
         return {name: abs(value - there[name]) for name, value in self.numbers().items()}
@@ -176,15 +176,15 @@ def run(
 ) -> Result:
     """Run the scene of a collision in `folder`, which is created, and return its course.
 
-    The folder is a run folder as any other, and holds ``collision.toml`` and ``collision.csv`` too. `kernel` and
-    `engine` are those of `granular_lmp.run`.
+    The folder is an ordinary run folder with ``collision.toml`` and ``collision.csv``. `kernel` and `engine` are as in
+    `granular_lmp.run`.
 
     Raises
     ------
     RunFolderError
         If the folder exists (without `force`) or cannot be written.
     SceneError
-        If the bodies have not parted by the end of the run, or touch for too few steps; the folder is kept.
+        If the bodies still touch at the end of the run, or touch for too few steps; the folder is kept.
     LammpsMissingError, LammpsError, EffectError
         As in `granular_lmp.run`.
     """
@@ -196,12 +196,12 @@ def run(
         (folder / COURSE).write_text(_table(result), encoding="utf-8")
     if result.touching == len(result.overlap) and not result.sticks:
         times = collision.collision.duration
-        raise SceneError(f"collision.duration = {times!r}: the bodies still touch; take more elastic contact times")
+        raise SceneError(f"collision.duration = {times!r}: the bodies still touch; use more elastic contact times")
     lasted = result.touching
     if lasted < FEWEST_RECORDS or np.argmax(result.overlap) == 0:
         raise SceneError(
-            f"collision.steps = {collision.collision.steps!r}: the bodies touch in {lasted} records only, and a peak "
-            f"and an end are read off {FEWEST_RECORDS}; take more steps"
+            f"collision.steps = {collision.collision.steps!r}: the bodies touch in {lasted} records only, but peak and "
+            f"end need {FEWEST_RECORDS}; use more steps"
         )
     return result
 

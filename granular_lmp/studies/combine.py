@@ -1,7 +1,7 @@
-"""Answer whether two features of a scene go together: a small deck with both is built, or an error says why not.
+"""Find out whether two features of a scene can be combined: build a small deck with both, or report the error.
 
-Each error is either physics, which stays refused, or not built, which is open, as `granular_lmp.rest.refusals` has it.
-Settings that exclude each other by themselves, two lattices say, are neither.
+An error is either physics, and permanent, or not built (`granular_lmp.rest.refusals`). Settings that exclude each
+other, such as two lattices, are neither.
 """
 
 from typing import Any, NamedTuple
@@ -22,19 +22,19 @@ _SAID = {
 
 
 class Outcome(NamedTuple):
-    """Outcome of features in one scene: one of the four words, and the message of a refusal."""
+    """Outcome of features in one scene: one of four words, and the message of a refusal."""
 
     word: str
     message: str = ""
 
 
 def together(*settings: Settings) -> dict[str, Any]:
-    """Return several settings as one, tables of a list after each other.
+    """Return several settings as one, with lists of tables joined.
 
     Raises
     ------
     SceneError
-        If they give one key two values.
+        If they give two values to one key.
     """
     joined: dict[str, Any] = {}
     for key, value in (item for each in settings for item in each.items()):
@@ -46,12 +46,12 @@ def together(*settings: Settings) -> dict[str, Any]:
 
 
 def outcome(kind: Kind, *settings: Settings) -> Outcome:
-    """Return what becomes of features, each given by its settings, in one scene.
+    """Return the outcome of features, each given by its settings, in one scene.
 
     Raises
     ------
     SceneError
-        If a value by itself is wrong, whatever else the scene has.
+        If a single value is wrong in any scene.
     """
     try:
         deck = build(kind.scene.with_values(together(*settings)))
@@ -64,7 +64,7 @@ def outcome(kind: Kind, *settings: Settings) -> Outcome:
 
 
 def answers(one: str, other: str) -> list[str]:
-    """Return in a sentence whether two features go together; in two if kinds of scenes differ.
+    """Return one sentence on whether two features can be combined, or two if kinds of scenes differ.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def answers(one: str, other: str) -> list[str]:
 
 
 def _name(word: str) -> str:
-    """Return a feature as the lists spell it, or a setting ``KEY=VALUE`` as it is."""
+    """Return a feature as spelled in the lists, or an unchanged setting ``KEY=VALUE``."""
     if "=" in word:
         return word
     features = [feature for kind in KINDS for feature in kind.features.items()]

@@ -1,12 +1,12 @@
-"""A work–precision study: the cost of each setting of a run in seconds, and its accuracy.
+"""Work–precision study: the cost of each setting of a run, in seconds, and its accuracy.
 
 Every setting of `granular_lmp.studies.cost_settings` is run in several rounds, so that other load on the machine
-affects all settings alike. The time is the median of the rounds; the errors are those against LAMMPS itself,
-extrapolated from fine steps (`granular_lmp.studies.cost_table`).
+affects all settings alike. The time is the median of the rounds; the reference for errors is LAMMPS, extrapolated from
+fine steps (`granular_lmp.studies.cost_table`).
 
-A study folder holds ``runs/NAME/N`` (a run folder for each round N), and ``cost.json`` and ``cost.csv``, which are made
-from those. A study that was stopped, or is started again, runs only what is missing; an interrupted run starts anew,
-because only a complete run has a time.
+A study folder holds ``runs/NAME/N``, a run folder for each round N, and ``cost.json`` and ``cost.csv``, which are made
+from the runs. A study that was stopped, or is started again, runs only what is missing; an interrupted run starts
+again, because only a complete run has a time.
 """
 
 import json
@@ -42,7 +42,7 @@ Progress = Callable[[int, int, float], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """Plan of a study, and what its folder holds of it.
+    """Plan of a study, and the finished part in its folder.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Plan:
     scene : Scene
         Scene of the study, `granular_lmp.studies.cost_settings.base` of the declared one.
     references, settings : list of Setting
-        Settings to run, those of the reference from the longest step.
+        Settings to run; the reference begins with the longest step.
     left_out : dict
         Setting → reason why it cannot be run.
     repeats : int
@@ -74,7 +74,7 @@ class Plan:
         return self.folder / "runs" / name / str(turn)
 
     def todo(self) -> dict[Path, Setting]:
-        """Return folder → setting of runs that are not done: those of the reference, then each round by length."""
+        """Return folder → setting of missing runs: first the reference, then each round by length."""
         each_round = sorted(self.settings, key=lambda setting: setting.work)
         wanted = {self.place(setting): setting for setting in self.references}
         for turn in range(1, self.repeats + 1):
@@ -84,7 +84,7 @@ class Plan:
     def save(self, failures: Mapping[str, str]) -> dict[str, Any]:
         """Write the tables from the complete runs and return the contents of ``cost.json``.
 
-        `failures` says of some settings why they failed. Without the reference there are no rows.
+        `failures` maps settings to reasons of failure. Without the reference there are no rows.
         """
         result: dict[str, Any] = {"scene": self.scene.given(), "cores": core_count(), "kernel": self.kernel}
         result |= {"left_out": self.left_out, "reference": None, "points": []}
@@ -93,8 +93,8 @@ class Plan:
             coarse, middle, fine = map(Record.load, places)
             power = order(fine.scene)
             best = richardson(middle, fine, power)
-            # The distance of two extrapolations is the error itself if that is no series in the step or of first order,
-            # as at these small steps, and an upper bound otherwise
+            # The distance of two extrapolations is the error if it is of first order in the step, or not a series, as
+            # at these small steps; otherwise it is an upper bound
             left = errors(richardson(coarse, middle, power), best)
             runs = [str(there.relative_to(self.folder)) for there in places[1:]]
             result["reference"] = self._row(self.references[-1], best, 1) | left | {"runs": runs, "order": power}
@@ -126,7 +126,7 @@ def _is_done(folder: Path) -> bool:
 
 
 def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, kernel: bool | None = None) -> Plan:
-    """Return the plan of a study; the folder is not touched.
+    """Return the plan of a study, without changes in the folder.
 
     Parameters
     ----------
@@ -136,16 +136,16 @@ def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, kernel: bool | N
     repeats : int
         As in `Plan`.
     kernel : bool, optional
-        As in `granular_lmp.run`. A folder holds the runs with it and those without apart.
+        As in `granular_lmp.run`. A folder keeps runs with and without the kernel separately.
 
     Raises
     ------
     SceneError
         If the scene cannot be run.
     RunFolderError
-        If the folder exists and is not that of a study of this scene.
+        If the folder exists and holds no study of this scene.
     LaunchError, LammpsMissingError
-        If the kernel is asked for and cannot be taken.
+        If the kernel is required but cannot be used.
     """
     folder, problem = absolute(folder), prepare(base(scene))
     _refuse_other(folder, problem)
@@ -167,21 +167,21 @@ def measure(plan: Plan, *, budget: float = inf, progress: Progress | None = None
     Raises
     ------
     RunFolderError
-        If another study is at work in the folder.
+        If another study is in progress in the folder.
     RunInterrupted
         On Ctrl-C; complete runs are kept, and the tables are made from them.
     GranularError
-        If a run of the reference fails, without which no error is known.
+        If a run of the reference fails, as errors are then unknown.
 
     Notes
     -----
-    If another run fails, its message stands in the table and the others continue. The errors are valid if the error of
-    a run is of second order in the step, which the extrapolation of the reference assumes. They are not valid with
-    sliding or opening contacts, the incremental law or dashpots.
+    If another run fails, the table holds its message and the others continue. The extrapolation of the reference
+    assumes an error of second order in the step. The errors are therefore not valid with sliding or opening contacts,
+    the incremental law or dashpots.
     """
     failures: dict[str, str] = {}
     with locked(plan.folder, make=True, force=True):
-        plan.save(failures)  # marks the folder as that of this study, even if this process is killed
+        plan.save(failures)  # marks the folder for this study, even if this process is killed
         todo, started = plan.todo(), monotonic()
         work = [setting.work for setting in todo.values()]
         try:
@@ -199,8 +199,8 @@ def measure(plan: Plan, *, budget: float = inf, progress: Progress | None = None
                     progress(done, len(todo), left)
         except (KeyboardInterrupt, RunInterrupted) as error:
             raise RunInterrupted(
-                f"{plan.folder}: interrupted; {len(todo) - len(plan.todo())} of {len(todo)} runs were done and are "
-                "kept, the same command again does the rest"
+                f"{plan.folder}: interrupted; {len(todo) - len(plan.todo())} of {len(todo)} runs are finished and "
+                "kept; the same command does the rest"
             ) from error
         finally:
             result = plan.save(failures)
@@ -208,11 +208,11 @@ def measure(plan: Plan, *, budget: float = inf, progress: Progress | None = None
 
 
 def _refuse_other(folder: Path, problem: Problem) -> None:
-    """Raise RunFolderError if the folder exists and is not that of a study of this problem's scene."""
+    """Raise RunFolderError if the folder exists and holds no study of the scene of this problem."""
     refuse_long(folder)
     if not (folder / COST).is_file():
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise RunFolderError(f"{folder}: is there already; choose another folder")
+            raise RunFolderError(f"{folder}: exists already; choose another folder")
         return
     try:
         there = scene_asked(folder, json.loads((folder / COST).read_text(encoding="utf-8")))

@@ -1,6 +1,6 @@
-"""The settings of a run that cost time, for a work–precision study: time steps, and tolerances.
+"""Settings of a run that cost time, for a work–precision study: time steps and tolerances.
 
-Each setting is one run, with a few keys of the scene changed. All other values are those of the scene.
+Each setting is one run, with a few changed keys of the scene.
 """
 
 from typing import Any
@@ -20,7 +20,7 @@ TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting.
+    """Setting of a study.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Setting:
     folder : str
         Name of its run (`granular_lmp.studies.identity`).
     work : float
-        Spheres times steps of all its runs, to which its time is proportional.
+        Spheres times steps of all its runs; the time is proportional to this.
     """
 
     varied: str
@@ -46,7 +46,7 @@ class Setting:
 
 
 def base(scene: Scene) -> Scene:
-    """Return the scene that every setting changes: with a step instead of a tolerance, and the snapped ξ.
+    """Return the scene that every setting changes: with a step instead of a tolerance, and the ξ of its cell.
 
     A scene with a wave has no snapshots of all spheres, because no error is measured in them.
 
@@ -63,10 +63,10 @@ def base(scene: Scene) -> Scene:
 
 
 def settings(problem: Problem) -> tuple[list[Setting], dict[str, str]]:
-    """Return the settings of the problem of a scene from `base`, and the names of those that it excludes, with reasons.
+    """Return the settings for a problem whose scene is from `base`, and excluded settings with reasons.
 
-    A tolerance is met with the fewest spheres. Only of a plane wave along y in an endless perfect crystal may their
-    number change; a periodic cell keeps its rows, which fix the wavenumber.
+    Runs to a tolerance use the fewest spheres. Their number may change only for a plane wave along y in an infinite
+    perfect crystal; a periodic cell keeps its rows, which fix the wavenumber.
     """
     scene = problem.scene
     fewest = {"packing.columns": "auto"} | ({} if scene.shape.along_y else {"packing.rows": "auto"})
@@ -83,20 +83,20 @@ def settings(problem: Problem) -> tuple[list[Setting], dict[str, str]]:
 
 
 def references(problem: Problem) -> list[Setting]:
-    """Return the three runs, with steps finer than those of all settings, from which the reference is extrapolated."""
+    """Return the three runs, with finer steps than all settings, from which the reference is extrapolated."""
     finer = [steps(problem)[-1] / 2**k for k in (1, 2, 3)]
     return [_setting(problem, "reference", f"{step:.3g}", {"time.timestep": step}) for step in finer]
 
 
 def steps(problem: Problem) -> list[float]:
-    """Return the longest step that a problem allows and that fits a sample, and its halves, τ."""
+    """Return the longest allowed step that fits a sample, and repeated halves of it, τ."""
     sample, rules = problem.scene.time.sample, problem.rest.step_rules()
     longest = sample / (int(sample / min(rule.longest for rule in rules)) + 1)
     return [longest / 2**k for k in range(HALVINGS + 1)]
 
 
 def _setting(problem: Problem, varied: str, name: str, changes: dict[str, Any]) -> Setting:
-    """Return a setting; raises every SceneError of its run."""
+    """Return a setting; raise every SceneError of its run."""
     run = prepare(problem.declared.with_values(changes))
     if run.wave is not None:
         check_floor(run)

@@ -1,4 +1,4 @@
-"""The table of a work–precision study: the seconds and the errors of each setting, and the one to recommend.
+"""Table of a work–precision study: seconds and errors of each setting, and the recommended setting.
 
 Its rows are made from the run folders of the study (`granular_lmp.studies.cost`).
 """
@@ -11,22 +11,22 @@ import numpy as np
 from granular_lmp.accuracy.rounding import judged
 from granular_lmp.runs.record import Record
 
-NOT_RUN = "not run yet, the same command continues"
+NOT_RUN = "not run yet; the same command continues"
 NUMBERS = ("seconds", "seconds_min", "seconds_max", "loop_seconds", "particles", "steps")
 
 Row = dict[str, Any]
 
 
 def failed(row: Row) -> bool:
-    """Return whether a setting failed; a tolerance that no step meets is an answer of the study."""
+    """Return whether a setting failed; a tolerance that no step meets is a result, not a failure."""
     return row["varied"] == "time step" and row["message"] not in ("", NOT_RUN)
 
 
 def errors(record: Record, best: Record) -> dict[str, float | None]:
-    """Return the errors against the reference: of a wave relative L2 errors of its signals, else the largest errors.
+    """Return the errors against the reference: relative L2 errors of the signals of a wave, else largest errors.
 
-    The largest errors of velocities and spins are in the unit of velocity, those of other signals over the largest
-    value. An error is None if the signal vanishes by symmetry or was not recorded.
+    Largest errors of velocities and spins are in the unit of velocity; those of other signals are relative to the
+    largest value. An error is None if the signal vanishes by symmetry or was not recorded.
     """
     wave = best.scene.wave is not None
     there = judged(best.problem, best.signals) if wave else best.signals
@@ -46,9 +46,9 @@ def largest(row: Row) -> tuple[float, str]:
 
 
 def recommended(result: dict[str, Any], accuracy: float) -> str:
-    """Return the fastest measured setting of an accuracy, in words and as options of ``granular-lmp run``.
+    """Return the fastest measured setting with an accuracy, in words and as options of ``granular-lmp run``.
 
-    The error of a setting is the largest of its signals, and no smaller than that of the reference.
+    The error of a setting is the largest of its signals, and at least that of the reference.
     """
     least = largest(result["reference"] or {})
     met = [row for row in result["points"] if max(largest(row), least)[0] <= accuracy]

@@ -1,8 +1,8 @@
-"""The columns of a scene without a wave in the table of a sweep: arrival at the farthest sphere, and energy.
+"""Columns of a sweep for a scene without a wave: arrival at the farthest sphere, and energy.
 
-The *far sphere* is that of the recorded spheres that are not held whose centre at rest is farthest from the strikers
-and from what else moves at the beginning, across periodic sides too; of several the first, by row and then column.
-``[output] spheres`` of a scene chooses another.
+The *far sphere* is the recorded free sphere whose centre at rest is farthest from the strikers and all other spheres
+that move at the beginning, also across periodic sides. Of several it is the first by row and then column. A scene can
+select another one with ``[output] spheres``.
 """
 
 from math import inf
@@ -15,23 +15,23 @@ from granular_lmp.crystal.lattices import PERIODIC
 from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.record import Record
 
-# Columns and their units: units of the impact in SI; the far sphere, its largest speed, in the unit v of the impact,
-# and the time at which its speed first is half of that, linear between samples, unless it still rises at the end;
-# energies at the end over that of all spheres at the beginning: kinetic, of the recorded spheres, and with the
-# contacts, where the record holds what that takes; the largest overlap in diameters, as the guard measures it; with a
-# tolerance the estimated error of velocities
+# Columns and their units: the units of the impact in SI; the far sphere, its largest speed, in the unit v of the
+# impact, and the time when its speed first reaches half of this, linear between samples, unless it still rises at the
+# end; energies at the end over the initial energy of all spheres: kinetic, of the recorded spheres, and with contacts
+# if the record is sufficient; the largest overlap in diameters, as the guard measures it; with a tolerance, the
+# estimated error of velocities
 COLUMNS = {
     **{"t0_s": "s", "velocity_m_s": "m/s"},
     **{"far_row": "", "far_column": "", "far_speed": "v", "far_tau": "t0"},
     **{"kinetic_kept": "", "energy_kept": "", "largest_overlap": "2R", "velocity_error": "v"},
 }
-_ALIKE = 1e-9  # distances that differ by less are equal: their rounding chooses no sphere
-_STILL = 1e-12  # m v²: less at the beginning is rounding
-_RISING = 1e-3  # A rise by this share of the largest speed in the last sample: the wave has not passed
+_ALIKE = 1e-9  # distances that differ by less count as equal, so that rounding does not choose the sphere
+_STILL = 1e-12  # m v²: a smaller initial energy is rounding
+_RISING = 1e-3  # If the speed rises by this share of its maximum in the last sample, the wave has not passed
 
 
 def read_outs(info: dict[str, Any], record: Record | None) -> dict[str, Any]:
-    """Return `COLUMNS` of a run from ``run.json`` and its record; None for what is not known."""
+    """Return `COLUMNS` of a run from ``run.json`` and its record; None for unknown values."""
     found: dict[str, Any] = dict.fromkeys(COLUMNS)
     found |= {name: info.get(name) for name in ("t0_s", "velocity_m_s")}
     found["largest_overlap"] = info.get("guards", {}).get("largest_overlap", {}).get("value")
@@ -42,7 +42,7 @@ def read_outs(info: dict[str, Any], record: Record | None) -> dict[str, Any]:
 
 
 def far_sphere(record: Record) -> int | None:
-    """Return the place of the far sphere among the recorded ones; None if all are held or move at the beginning."""
+    """Return the index of the far sphere among the recorded ones; None if all are held or move at the beginning."""
     problem = record.problem
     period = problem.rest.atoms.cell.lengths()[0] if problem.scene.packing.sides == PERIODIC else inf
     struck = [sphere for spheres in problem.rest.strikers for sphere in spheres.tolist()]
@@ -57,13 +57,13 @@ def far_sphere(record: Record) -> int | None:
 
 
 def _apart(vectors: NDArray[np.float64], period: float) -> NDArray[np.float64]:
-    """Return the lengths of vectors (n, 2), along x to the nearest image."""
+    """Return the lengths of vectors (n, 2) to the nearest image along x."""
     across = np.abs(vectors[:, 0])
     return np.hypot(np.minimum(across, np.abs(period - across)), vectors[:, 1])
 
 
 def arrival(tau: NDArray[np.float64], speed: NDArray[np.float64]) -> float | None:
-    """Return when a speed (T,) first is half of its largest value, linear between samples; None if it stays 0."""
+    """Return the time when a speed (T,) first reaches half of its maximum, linear between samples; None if it is 0."""
     half = float(speed.max()) / 2
     if not half > 0:
         return None
@@ -81,7 +81,8 @@ def _of_far_sphere(record: Record) -> dict[str, Any]:
     arrays, sphere = record.problem.rest.atoms.arrays, record.problem.rest.recorded[far]
     place = {"far_row": int(arrays["row"][sphere]), "far_column": int(arrays["column"][sphere])}
     speed = np.linalg.norm(record.velocity[:, far], axis=1)
-    # A later, lower rise hides no crest that has passed; a free sphere flies off with its largest speed, to rounding
+    # A later, lower rise does not hide a crest that has passed; a free sphere flies off with its largest speed, to
+    # rounding
     if speed[-1] == speed.max() and speed[-1] - speed[-2] > _RISING * speed.max():
         return place
     return place | {"far_speed": float(speed.max()), "far_tau": arrival(record.tau, speed)}
@@ -92,7 +93,7 @@ def _of_energy(record: Record) -> dict[str, Any]:
     try:
         energy = record.energy()
         given, kept["energy_kept"] = float(energy[0]), float(energy[-1])
-    except RunFolderError:  # the energy of shear forces, walls or spheres that are not recorded is not known
+    except RunFolderError:  # the energy of shear forces, walls or unrecorded spheres is not known
         displaced = record.problem.rest.state[:, :2].any()
         given = 0.0 if displaced else record.problem.rest.given_energy
     return {name: energy / given for name, energy in kept.items()} if given > _STILL else {}

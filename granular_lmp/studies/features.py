@@ -1,7 +1,7 @@
-"""Features of scenes, each as the settings by which a user takes it, and the scenes to which they are added.
+"""Features of scenes, each given by the settings of a user, and the scenes to which they are added.
 
-A feature is added to a scene that is small and has none of them. Settings of two features are one scene, unless they
-give one key two values. All places are in the first column, so that chains have them too.
+A feature is added to a small scene without features. Settings of two features make one scene, unless they give two
+values to one key. All places are in the first column, so that chains have them too.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ ADHERE = {"sphere.work_of_adhesion": 0.1}
 
 
 def source(**how: Any) -> dict[str, Any]:
-    """Return the settings of a source; all are between quiet ends, too."""
+    """Return the settings of a source; all sources fit between quiet ends."""
     return {"source": [{"amplitude": 0.1} | how]}
 
 
@@ -35,7 +35,7 @@ WAVES: dict[str, Settings] = {
     "square": {"packing.lattice": "square"},
     "radii": {"disorder.radius": 5e-5},
     "densities": {"disorder.density": 0.05},
-    "vacancies": {"disorder.vacancies": 0.03, "disorder.seed": 2},  # others take a second to come to rest pressed
+    "vacancies": {"disorder.vacancies": 0.03, "disorder.seed": 2},  # others take a second to relax under a load
     "rows of another": {"inclusion": [{"rows": [10, 11], "density": 2500.0}]},
     "another sphere": {"inclusion": [{"spheres": [[14, 0]], "radius": 5.0005e-7}]},
     "jkr": {"sphere.adhesion_law": "jkr"},
@@ -70,7 +70,7 @@ WAVES: dict[str, Settings] = {
     # of the other kind of scene
     "striker": {"striker": [{"rows": [4, 4], "velocity": 1e-3}]},
     "state": {"start.state": [[6, 0, 0.0, 0.0, 0.0, 1e-3, 0.0]]},
-    # what each face is
+    # kinds of faces
     "free end": FIXED | {"packing.last": "free"},
     "free sides": {"packing.sides": "free"},
     "held sides": {"packing.sides": "held"},
@@ -139,7 +139,7 @@ IMPACTS: dict[str, Settings] = {
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """A kind of scene to which features are added.
+    """Kind of scene to which features are added.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
-"""Forecast of a run, made without doing it: its size, seconds on this machine, and memory.
+"""Forecast of a run without running it: its size, seconds on this machine, and memory.
 
-The seconds are those of a short run of the same deck just now, in proportion. Of a large crystal that is a run of a
-cell of the same spheres and effects, for a few steps of it would take as long as many runs.
+The seconds are extrapolated from a short run of the same deck. For a large crystal the short run is a cell with the
+same spheres and effects, because even a few steps of the crystal would take long.
 """
 
 from math import ceil, inf, isnan, isqrt, nan, pi
@@ -23,27 +23,31 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sections import Wave
 
 _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
-_FEWEST_STEPS = 100  # A short run whose sample was cut has as many: its two records take 8 % of it at most
-_LARGEST = 20_000  # spheres of a crystal that is measured itself: two runs of it start in half a second
-_PERIOD = 12  # the rows and columns of each lattice repeat after a divisor of it
-_CELL = 100  # rows and columns of the cell that stands for a larger one
-# What a cell has of a scene, because it sets the time of a step: whole tables, and keys of others
+_FEWEST_STEPS = 100  # steps of a short run with a shortened sample: its two records take 8 % at most
+_LARGEST = (
+    20_000  # largest number of spheres of a crystal that is measured directly: two runs of it start in half a second
+)
+_PERIOD = 12  # a multiple of the periods of rows and columns in every lattice
+_CELL = 100  # rows and columns of the cell that stands for a larger crystal
+# Tables and keys of a scene that the cell keeps, because they determine the time of a step
 _OF_CELL = ("sphere", "contact", "substrate", "disorder", "time", "effects")
 _PARTS = {
     "packing": ("lattice", "orientation", "layers", "depth", "space", "contact_force"),
     "wave": ("mode", "amplitude"),
 }
-# Measured, the most that a process held: 71 MB for 48 spheres, 170 MB for 90 000, 279 MB for 180 000
+# Measured maximum of a process: 71 MB for 48 spheres, 170 MB for 90 000, 279 MB for 180 000
 _PROCESS = 71e6
 _SPHERE = 1160.0
-_NOT_PERFECT = 1000.0  # more, as all its contacts are known: 276 MB for 99 900 spheres of unequal densities
+_NOT_PERFECT = (
+    1000.0  # more for unequal spheres, as all contacts are stored: 276 MB for 99 900 spheres of unequal densities
+)
 # Without a wave also the record, while it is read: 103 MB for 2.5e5 places of a sphere, 196 MB for 1.0e6; and 40
 # bytes of each in the records of the other runs to a tolerance: 127 MB for 2.5e5 places in three runs
 _READ, _KEPT = 130.0, 40.0
-# Share of the loop that more ranks do not shorten, at most: 2 ranks took 0.52 to 0.55 of it, 4 ranks 0.30
+# Largest share of the loop that more ranks do not shorten: 2 ranks took 0.52 to 0.55 of the time, 4 ranks 0.30
 SERIAL = 0.1
-# s that a run on several ranks, which starts mpiexec and the program lmp, begins later than one in a warm process: 0.70
-# at least in six runs each of 20 steps
+# s by which a run on several ranks, with mpiexec and the program lmp, starts later than one in a warm process: at least
+# 0.70 in six runs of 20 steps each
 START_OF_RANKS = 0.7
 
 
@@ -54,27 +58,28 @@ class Forecast:
     Attributes
     ----------
     spheres, steps, records, runs : int
-        Steps of all runs together; more than one run where the scene has a tolerance.
+        Steps of all runs together; a scene with a tolerance has several runs.
     snapshots : int
-        Of all spheres.
+        Number of snapshots of all spheres.
     start : float or None
-        Seconds beside the time loop, which more ranks do not shorten; None where LAMMPS cannot be asked.
+        Seconds outside the time loop, which more ranks do not shorten; None if LAMMPS is not available.
     seconds : float or None
-        Of a run on one rank, with `start`; None where LAMMPS cannot be asked.
+        Seconds of a run on one rank, including `start`; None if LAMMPS is not available.
     basis : str
-        What the seconds were made of, or why there are none.
+        Basis of the seconds, or the reason why there are none.
     memory : float
         Bytes.
     checkpoint : float
         Minutes between two checkpoints.
     slower : float or None
-        Seconds on one rank without the kernel, where a run takes it by default, and may do without.
+        Seconds on one rank without the kernel, if a run uses the kernel by default but does not need it.
     share : str
-        Share of LAMMPS's loop that the kernel took in the short run, in words.
+        Words for the time of the kernel over that of the LAMMPS loop in the short run.
     without_kernel : str
-        Why a run takes none: it was not built, or does not know a contact of the deck; "" if the seconds are with it.
+        Why a run uses no kernel: it was not built, or it does not support a contact of the deck; "" if the seconds
+        include it.
     needs_kernel : str
-        What the kernel alone knows; "" if LAMMPS runs the deck.
+        What only the kernel supports; "" if LAMMPS can run the deck.
     """
 
     spheres: int
@@ -93,7 +98,7 @@ class Forecast:
     needs_kernel: str = ""
 
     def lost_on(self, ranks: int) -> str:
-        """Return why some MPI ranks are slower than one, "" if they may be faster or nothing is known."""
+        """Return why some MPI ranks are slower than one; "" if they may be faster or nothing is known."""
         if self.start is None or self.seconds is None:
             return ""
         later, saved = START_OF_RANKS * self.runs, (self.seconds - self.start) * (1 - 1 / ranks)
@@ -101,12 +106,12 @@ class Forecast:
         return slower if saved < later else ""
 
     def on(self, ranks: int) -> tuple[float, float] | None:
-        """Return the least and the most seconds on some MPI ranks; None where those on one are unknown.
+        """Return the smallest and largest seconds on some MPI ranks; None if the seconds on one are unknown.
 
             start + loop/R  to  start + loop (1/R + s (1 − 1/R)),    s = `SERIAL`
 
-        On 2 and 4 ranks of one machine sheets of 1e4 to 1e6 spheres lie between the two; more ranks are extrapolated.
-        Less than a thousand spheres a rank gain less.
+        On 2 and 4 ranks of one machine, sheets of 1e4 to 1e6 spheres lie between the two; more ranks are extrapolated.
+        With less than a thousand spheres per rank the gain is smaller.
         """
         if self.start is None or self.seconds is None:
             return None
@@ -115,11 +120,11 @@ class Forecast:
 
 
 def forecast(problem: Problem) -> Forecast:
-    """Return what a run of the problem's scene would take; a short run is made in a temporary folder.
+    """Return the forecast for a run of a problem, from a short run in a temporary folder.
 
-    The seconds break down where the steps grow dearer on the way, as they do where contacts open or close (nine impacts
-    took 1 to 1.8 times as long), and where the machine has other work now than later: take them for a factor of two. A
-    run to a tolerance takes more steps if its errors ask for it.
+    The seconds are only good to a factor of two. They fail if steps become slower during the run, as when contacts open
+    or close (nine impacts took 1 to 1.8 times as long), or if the load of the machine changes. A run to a tolerance
+    takes more steps if its errors require it.
     """
     finest, counts = planned(problem), plan(problem)
     scene = finest.scene
@@ -149,14 +154,14 @@ def forecast(problem: Problem) -> Forecast:
         memory=_PROCESS + of_sphere * spheres + (_READ + _KEPT * (runs - 1)) * kept,
         checkpoint=minutes_between(scene.output.checkpoint, spheres),
         slower=start + mean_count(problem) * steps / plain if plain else None,
-        share=f"{plain / rate:.2f} of LAMMPS's loop in a short run just now" if plain else "",
+        share=f"{plain / rate:.2f} of the time of the LAMMPS loop in a short run just now" if plain else "",
         without_kernel=lack,
         needs_kernel=alone,
     )
 
 
 def _kernel(problem: Problem) -> tuple[str, str]:
-    """Return why a run of the problem takes no kernel, and what needs it, each "" if nothing does."""
+    """Return why a run uses no kernel, and what needs the kernel; each is "" if there is nothing."""
     text = "\n".join(contacts(problem))
     lack, alone = library.unknown_in(text), library.only_here(text)
     try:
@@ -176,20 +181,20 @@ def _snapshots(problem: Problem) -> int:
 
 
 def _tried(problem: Problem, kernel: bool = False) -> tuple[float, float, str]:
-    """Return sphere-steps a second, seconds beside the loop, and what they were made of."""
+    """Return sphere-steps per second, seconds outside the loop, and the basis of both."""
     small, spheres = _small(problem), problem.scene.shape.spheres
     rate, overhead = speed(small, kernel)
     cell = "this scene" if small.shape.spheres == spheres else f"a cell of {small.shape.words}"
     start = overhead * max(1.0, spheres / small.shape.spheres)
-    return rate, start, f"a short run of {cell} just now, {rate:.2g} sphere-steps a second"
+    return rate, start, f"a short run of {cell} just now, {rate:.2g} sphere-steps per second"
 
 
 def _small(problem: Problem) -> Scene:
-    """Return the scene of a problem, or a cell which stands for it, cut after as many steps as a short run takes.
+    """Return the scene of a problem, or a cell that stands for it, shortened to the steps of a short run.
 
     The cell has the spheres, contacts and time of the scene, with a wave along y that fits it, or a striker in its
-    middle. All else is at its default: a step of the cell then takes as long for each sphere, and no place or end has
-    to fit a smaller crystal.
+    middle. All other values are defaults: a step then takes as long per sphere, and no place or end has to fit a
+    smaller crystal.
     """
     scene = problem.scene
     rows, columns = _size(scene.lattice, scene.shape.layers)
@@ -211,7 +216,7 @@ def _small(problem: Problem) -> Scene:
 
 
 def _size(lattice: Lattice, layers: int) -> tuple[int, int]:
-    """Return rows and columns of a cell of some 1e4 spheres; of several layers they fit the period of any lattice."""
+    """Return rows and columns of a cell of about 1e4 spheres; with several layers they fit any lattice."""
     places = _CELL**2 // layers
     columns = 1 if not lattice.sheet else _CELL if layers == 1 else max(_PERIOD, isqrt(places) // _PERIOD * _PERIOD)
     rows = places // columns
@@ -227,14 +232,14 @@ def _waving_cell(wave: Wave, tables: dict[str, Any], rows: int) -> dict[str, dic
 
 def _struck_cell(problem: Problem, rows: int, columns: int) -> dict[str, Any]:
     return {
-        "packing": problem.scene.to_dict()["packing"] | {"table": ""},  # whose places the cell has not
+        "packing": problem.scene.to_dict()["packing"] | {"table": ""},  # the cell does not have their places
         "striker": [{"spheres": [[rows // 2, columns // 2]], "velocity": problem.rest.scale.velocity}],
         "output": {} if _snapshots(problem) else {"rows": [0, 0]},
     }
 
 
 def speed(scene: Scene, kernel: bool = False) -> tuple[float, float]:
-    """Return sphere-steps a second and the seconds beside the time loop, of a short run of a scene with a step."""
+    """Return sphere-steps per second, and the seconds outside the time loop, of a short run with a step."""
     per_sample = scene.shape.spheres * scene.time.steps_per_sample
     duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
     none = {"output.particles": 0.0} if scene.output.particles > duration else {}

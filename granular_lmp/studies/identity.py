@@ -1,12 +1,11 @@
-"""The names of a run in a sweep: hashes of its scene, which stay when the package learns a new key.
+"""Name of a run in a sweep: a hash of its scene that does not change when the package gets a new key.
 
-``identity.json`` holds the keys of release 0.1.0, of both kinds of scene. They enter the hash with their values,
-whatever these are, as they did in that release. A younger key enters only where it departs from what was true before
-the package knew it: its default, and "off" for the switch of an effect, which is decided in a run. A default never
-changes: a test holds those of younger keys too.
+``identity.json`` holds the keys of release 0.1.0 for both kinds of scenes. They enter the hash with any value, as in
+that release. A younger key enters only if its value differs from the behaviour before the key existed: its default, or
+"off" for the switch of an effect. Defaults never change; a test checks those of younger keys too.
 
-Departures of all keys would not do: finished sweeps would lose their names, and a default that changes would give two
-different runs one name.
+A hash of all departures from defaults would not work: finished sweeps would lose their names, and a changed default
+would give one name to two different runs.
 """
 
 import hashlib
@@ -19,7 +18,7 @@ from typing import Any
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-# Keys that release 0.1.0 took up after its first sweeps, whose names do not hold them
+# Keys that release 0.1.0 got after its first sweeps, whose names do not include them
 _JOINED = frozenset(
     {
         *(f"packing.{name}" for name in ("lattice", "relax", "relax_friction")),
@@ -31,9 +30,9 @@ _JOINED = frozenset(
 
 
 def names_of(scene: Scene) -> tuple[str, ...]:
-    """Return the name of a scene's run, and the one that folders of earlier releases may have in its place.
+    """Return the name of the run of a scene, and the name that folders of earlier releases may have instead.
 
-    A name is 16 hexadecimal digits of the SHA-256 of the scene's sorted JSON, without its name and description. Every
+    A name is 16 hexadecimal digits of the SHA-256 of the sorted JSON of the scene, without name and description. Every
     "auto" of the scene must be decided, as in a run folder.
     """
     known = frozen("ImpactScene" if scene.wave is None else "Scene").keys()
@@ -42,7 +41,7 @@ def names_of(scene: Scene) -> tuple[str, ...]:
 
 @cache
 def frozen(kind: str) -> dict[str, Any]:
-    """Return dotted key → default of the keys of a kind of scene that are of release 0.1.0."""
+    """Return dotted key → default of the keys of release 0.1.0 in a kind of scene."""
     text = (Path(__file__).parent / "identity.json").read_text(encoding="utf-8")
     return dotted(json.loads(text)[kind])
 
@@ -67,5 +66,5 @@ def _hash(scene: Scene, keys: Collection[str]) -> str:
 
 
 def _was_so(value: Any, default: Any) -> bool:
-    """Return whether a value of a key says what was true before the key was there."""
+    """Return whether a value of a key means the behaviour before the key existed."""
     return bool(value == default) or (default == AUTO and value is False)

@@ -1,6 +1,6 @@
-"""A crystal kicked at random: the scene of one run that excites every wave, with snapshots of all spheres.
+"""Crystal with random initial velocities: a scene that excites every wave, with snapshots of all spheres.
 
-The case ``dispersion`` reads the branches of a sheet off such a run.
+The case ``dispersion`` reads the branches of a sheet from such a run.
 """
 
 from granular_lmp.problem import prepare
@@ -10,8 +10,8 @@ from granular_lmp.rest.scene import Scene
 def kicked(scene: Scene, seed: int = 0) -> Scene:
     """Return the scene with noise in place of its wave: ẋ, ẏ and Rθ̇ uniform in ±½ D0/t0, no displacement.
 
-    Every mode gets the same mean energy, and the crystal has no momentum, which would carry it away. Effects and size
-    are those of the declared scene, and snapshots of all spheres are taken at each sample.
+    Every mode gets the same mean energy, and the crystal has no total momentum, so it does not drift. Effects and size
+    are those of the declared scene; each sample has a snapshot of all spheres.
     """
     scene = prepare(scene).scene
     return scene.with_values(

@@ -1,7 +1,7 @@
 """Warnings about points of a sweep that round to the same run, one for each cell or sample.
 
-A periodic cell carries only phase advances of 2πk/rows and 2πj/columns, so that close wave numbers and directions run
-as one wave. A time step is rounded down to a whole number to a sample.
+A periodic cell carries only phase advances of 2πk/rows and 2πj/columns, so close wave numbers and directions run as one
+wave. A time step is rounded down so that a whole number fits a sample.
 """
 
 from collections import defaultdict
@@ -14,11 +14,11 @@ from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.rest.scene import Scene
 
-LARGEST_CELL = 100_000  # rows or columns; a larger cell is no remedy
+LARGEST_CELL = 100_000  # rows or columns; a larger cell is not suggested
 
 
 def remarks(scenes: Iterable[Scene]) -> list[str]:
-    """Return a sentence for each cell in which several waves of a sweep are one, and one for time steps that are."""
+    """Return a sentence for each cell in which several waves of a sweep become one, and for equal time steps."""
     cells: dict[Shape, set[WaveVector]] = defaultdict(set)
     steps: dict[float, set[float]] = defaultdict(set)
     for scene in scenes:
@@ -30,7 +30,7 @@ def remarks(scenes: Iterable[Scene]) -> list[str]:
 
 
 def _of_waves(shape: Shape, waves: set[WaveVector]) -> str:
-    """Return what a cell makes of waves, and which cell tells them apart; "" if this one does."""
+    """Return a warning if waves coincide in a cell, with a cell that separates them; "" if they do not."""
     ran = {each.snapped(shape.rows, shape.columns) for each in waves}
     if len(ran) == len(waves):
         return ""
@@ -43,17 +43,17 @@ def _of_waves(shape: Shape, waves: set[WaveVector]) -> str:
     of += f"{words(shape.rows, shape.columns)}; "
     if cell := _larger(shape, waves, along_y=along_y):
         setting = f"packing.rows = {cell[0]}" + ("" if along_y else f", packing.columns = {cell[1]}")
-        return f"{of}a cell of {words(*cell)} tells them apart ({setting})"
-    instead = ', but packing.ends = "fixed" does' if along_y else "; take waves that are farther apart"
-    return f"{of}no cell of up to {LARGEST_CELL} rows tells them apart{instead}"
+        return f"{of}a cell of {words(*cell)} separates them ({setting})"
+    instead = ', but packing.ends = "fixed" does' if along_y else "; use waves that are farther apart"
+    return f"{of}no cell of up to {LARGEST_CELL} rows separates them{instead}"
 
 
 def _larger(shape: Shape, waves: set[WaveVector], *, along_y: bool) -> tuple[int, int] | None:
-    """Return rows and columns of the cell that moves each wave by less than half of the smallest distance of two.
+    """Return rows and columns of a cell that shifts each wave by less than half of their smallest distance.
 
-    Along y the cell is the one with fewest rows, else a multiple of the cell that is there.
+    For waves along y it is the cell with the fewest rows, otherwise a multiple of the present cell.
     """
-    from scipy.spatial import cKDTree  # slow to import, and only waves that coincide need it
+    from scipy.spatial import cKDTree  # slow to import, and only needed for waves that coincide
 
     advances = np.array([(each.per_row, each.per_column) for each in waves])
     nearest = cKDTree(advances).query(advances, k=2, p=np.inf)[0][:, 1].min()
@@ -68,7 +68,7 @@ def _larger(shape: Shape, waves: set[WaveVector], *, along_y: bool) -> tuple[int
 
 
 def _of_steps(sample: float, declared: set[float]) -> str:
-    """Return what a sample makes of time steps, and which sample tells them apart; "" if this one does."""
+    """Return a warning if time steps coincide in a sample, with a sample that separates them; "" if they do not."""
 
     def different(of: float) -> int:
         return len({ceil(of / step - 1e-9) for step in declared})
@@ -77,5 +77,5 @@ def _of_steps(sample: float, declared: set[float]) -> str:
         return ""
     enough = next((times for times in range(2, 10_000) if different(times * sample) == len(declared)), None)
     return f"{len(declared)} time steps, {different(sample)} in a whole number to a sample of {sample!r}; " + (
-        f"time.sample = {enough * sample!r} tells them apart" if enough else "take steps farther apart"
+        f"time.sample = {enough * sample!r} separates them" if enough else "use steps farther apart"
     )

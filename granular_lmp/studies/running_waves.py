@@ -5,10 +5,11 @@ The mean velocity of a row X_n = d(u, v, φ)/dτ, φ = Rθ, is taken at a freque
     burst   X_n(Ω) = ∫ X_n(τ) e^{iΩτ} dτ                  over the whole run, from rest to rest
     tone    X_n(τ) = Re[X_n(Ω) e^{−iΩτ}] + constant       by least squares over whole periods at the end
 
-Velocities, because the long waves that a source makes when it begins, and that no quiet end absorbs, hardly show there.
+Velocities are used because they contain little of the long waves that a source makes at its start and that no quiet end
+absorbs.
 
-and X_n(Ω) = Σ_j a_j s_j λ_jⁿ is solved for the amplitudes of all waves of the perfect lattice that the rows are a part
-of, evanescent ones too (`granular_lmp.crystal.row_waves`): exact for small amplitudes, whatever is beyond the rows.
+and X_n(Ω) = Σ_j a_j s_j λ_jⁿ is solved for the amplitudes of all waves of the perfect lattice of the rows, including
+evanescent waves (`granular_lmp.crystal.row_waves`). This is exact for small amplitudes, whatever lies beyond the rows.
 """
 
 import numpy as np
@@ -21,22 +22,22 @@ from granular_lmp.runs.snapshots import Snapshots
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
-LEFT = 2e-3  # relative change of the spectrum of a burst by the last tenth of a run
-STEADY = 5e-3  # relative change of a tone from the last but one group of periods to the last
-PERIODS = 5  # in each of the two groups, at the end of a run
+LEFT = 2e-3  # largest relative change of the spectrum of a burst due to the last tenth of a run
+STEADY = 5e-3  # largest relative change of a tone between the last two groups of periods
+PERIODS = 5  # periods in each of the two groups at the end of a run
 
 
 @dataclass(frozen=True)
 class Amplitudes:
-    """Waves that run in some rows, at one frequency.
+    """Waves in some rows, at one frequency.
 
     Attributes
     ----------
     up, down : dict of str to complex
-        Amplitude by name of the waves whose energy runs to +y and to −y; its squared modulus is the energy flux, up to
-        a factor that is the same for all rows, lattices and runs with one source.
+        Amplitude, by name, of the waves whose energy runs to +y and to −y. Its squared modulus is the energy flux, up
+        to a factor that is equal for all rows, lattices and runs with one source.
     residual : float
-        What the waves leave of the motion, root mean square over that of the motion.
+        Part of the motion that is not waves: its root mean square over that of the motion.
     """
 
     up: dict[str, complex]
@@ -45,7 +46,7 @@ class Amplitudes:
 
 
 def row_motion(snapshots: Snapshots) -> Floats:
-    """Return the mean velocities (T, rows, 3), of u, v and φ, of the spheres of each row, in D0/t0."""
+    """Return the mean velocities (T, rows, 3) of u, v and φ of the spheres in each row, in D0/t0."""
     row = snapshots.crystal.arrays["row"]
     count = np.bincount(row)
     motion = np.empty((len(snapshots), len(count), 3))
@@ -58,20 +59,20 @@ def row_motion(snapshots: Snapshots) -> Floats:
 def burst_spectrum(tau: Floats, motion: Floats, frequencies: Floats) -> Complexes:
     """Return X_n(Ω) of a burst that has passed, (F, rows, 3), of a motion (T, rows, 3) at equidistant times.
 
-    The motion is faded out over the last tenth of the run, in which only long waves are left.
+    The motion is faded out over the last tenth of the run, where only long waves remain.
 
     Raises
     ------
     SceneError
-        If a fade in the tenth before changes the spectrum at one of the frequencies by more than `LEFT`.
+        If fading one tenth earlier changes the spectrum at a frequency by more than `LEFT`.
     """
     phases = np.exp(1j * np.multiply.outer(frequencies, tau)) * (tau[1] - tau[0])
     shorter, spectrum = (np.tensordot(phases * _fade(tau / end), motion, axes=1) for end in (0.9 * tau[-1], tau[-1]))
     left = float(np.max(np.linalg.norm(spectrum - shorter, axis=(1, 2)) / np.linalg.norm(spectrum, axis=(1, 2))))
     if left > LEFT:
         raise SceneError(
-            f"time.duration = {tau[-1]:.6g}: the burst has not passed, the last tenth of the run still changes its "
-            f"spectrum by {left:.2g}; must be longer, until {LEFT:g}"
+            f"time.duration = {tau[-1]:.6g}: the burst has not passed; the last tenth of the run still changes its "
+            f"spectrum by {left:.2g}, and must change it by at most {LEFT:g}; use a longer duration"
         )
     return np.asarray(spectrum)
 
@@ -106,16 +107,16 @@ def tone_amplitude(tau: Floats, motion: Floats, frequency: float) -> Complexes:
     change = np.linalg.norm(last - before) / np.linalg.norm(last)
     if change > STEADY:
         raise SceneError(
-            f"time.duration = {tau[-1]:.6g}: the tone is not steady, it still changes by {change:.2g} of itself; must "
-            f"be longer, until {STEADY:g}"
+            f"time.duration = {tau[-1]:.6g}: the tone is not steady; its relative change is still {change:.2g}, and "
+            f"must be at most {STEADY:g}; use a longer duration"
         )
     return np.asarray(last)
 
 
 def amplitudes(waves: RowWaves, field: Complexes) -> Amplitudes:
-    """Return the waves in X_n(Ω), (rows, 3), of neighbouring rows of the lattice of the waves, from below to above."""
+    """Return the waves in X_n(Ω), (rows, 3), of neighbouring rows of their lattice, from below to above."""
     count, half = len(field), len(waves.factor) // 2
-    # Each wave is counted from the end that it comes from, so that none grows
+    # The amplitude of each wave is taken at the end where it comes from, so that none grows
     here, start = np.arange(count)[:, None], np.repeat([0, count - 1], half)
     basis = (waves.shape.T * (waves.factor ** (here - start))[..., None]).transpose(0, 2, 1).reshape(-1, 2 * half)
     found = np.linalg.lstsq(basis, field.ravel(), rcond=None)[0]

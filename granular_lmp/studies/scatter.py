@@ -1,14 +1,14 @@
-"""Scattering by rows that differ: a run with the inclusions of a scene and one without, and what passes and comes back.
+"""Scattering by unequal rows: runs with and without the inclusions of a scene give transmission and reflection.
 
-A source below the inclusions shakes whole rows of a crystal with quiet ends, by a burst or a tone. In the rows in front
-of the inclusions and in those behind, the waves that run up and down are told apart (`running_waves`). With a and b the
-amplitudes in front and behind,
+A source below the inclusions shakes whole rows of a crystal with quiet ends, by a burst or a tone. The waves that run
+up and down are separated in rows before and behind the inclusions (`running_waves`). With the amplitudes a before and b
+behind them,
 
     T = |b_up|²/|a_up|²,    R = |a_down|²/|a_up|²
 
-of each mode that runs there, over the incident one. The **normalisation run** is the same scene without its inclusions.
-It shows what the same reading makes of a crystal in which nothing scatters: by how much its transmission is not 1 is an
-error, as is what comes back from behind, b_down.
+of each mode, relative to the incident one. The **normalisation run** is the same scene without its inclusions. There
+nothing scatters, so the deviation of its transmission from 1 is an error, and so is the wave b_down that comes back
+from behind.
 """
 
 from collections.abc import Callable
@@ -47,20 +47,20 @@ from granular_lmp.studies.running_waves import (
     tone_amplitude,
 )
 
-NORMALISATION, INCLUSIONS = "normalisation", "inclusions"  # run folders of the scene's own signal
-FREQUENCIES = 11  # a burst is read off over the half of its main lobe where its spectrum is above half of its peak
-CLEAR = 2  # rows beside a source, inclusions and quiet ends that are left out, as they come to rest a little aside
-FEWEST_ROWS = 8  # to tell six waves apart
-FEWEST_SNAPSHOTS = 6.0  # in a period of the highest frequency
+NORMALISATION, INCLUSIONS = "normalisation", "inclusions"  # run folders of the signal of the scene
+FREQUENCIES = 11  # a burst is evaluated where its spectrum is above half of its peak, half of the main lobe
+CLEAR = 2  # rows left out next to a source, inclusions and quiet ends, as their places at rest are shifted
+FEWEST_ROWS = 8  # to separate six waves
+FEWEST_SNAPSHOTS = 6.0  # samples in a period of the highest frequency
 FORBIDDEN = 1e-6  # share below which a wave is not shown
-OTHER = 1e-2  # largest amplitude of other waves from the source, over that of the incident one
+OTHER = 1e-2  # largest amplitude of other waves from the source, over that of the incident wave
 
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class Row:
-    """Shares of the incident wave that pass and come back in one mode, at one frequency.
+    """Transmitted and reflected share of the incident wave in one mode, at one frequency.
 
     Attributes
     ----------
@@ -69,12 +69,12 @@ class Row:
     frequency : float
         rad/t0.
     incident, mode : str
-        The incident wave, and the one that passes or comes back: L, TR or RT.
+        The incident wave, and the transmitted or reflected wave: L, TR or RT.
     transmission, reflection : float
         Shares of the incident energy flux.
     transmission_error, reflection_error : float
-        From the normalisation run, the fits and waves that come back from behind. The time step is not in them: the
-        shares of a run are those of the lattice at (2/Δτ) sin(ΩΔτ/2).
+        Errors from the normalisation run, the fits, and waves that come back from behind. They do not include the time
+        step: the shares of a run are those of the lattice at (2/Δτ) sin(ΩΔτ/2).
     """
 
     signal: str
@@ -97,7 +97,7 @@ class Scatter:
         Study folder, with a run folder for each run.
     scene : Scene
     rows : list of Row
-        By signal, frequency and mode.
+        Rows of the table, by signal, frequency and mode.
     """
 
     folder: Path
@@ -114,11 +114,11 @@ class Scatter:
 
     @property
     def modes(self) -> list[str]:
-        """Names of the waves that take a share; those of the others are below `FORBIDDEN`, as a mirror makes them."""
+        """Names of the waves with a share above `FORBIDDEN`; mirror symmetry forbids the others."""
         return sorted({row.mode for row in self.rows if max(row.transmission, row.reflection) > FORBIDDEN})
 
     def text(self) -> str:
-        """Return the table for a reader, a line for each frequency and mode, and how far the sums are from 1."""
+        """Return the table as text, a line for each frequency and mode, with the deviation of the sums from 1."""
         lines = [f"{'signal':7}{'Omega t0':>9}{'wave':>10}{'passes':>10}{'error':>9}{'comes back':>12}{'error':>9}"]
         for row in self.rows:
             if row.mode in self.modes:
@@ -144,19 +144,19 @@ def scatter(
     kernel: bool | None = None,
     engine: Engine | None = None,
 ) -> Scatter:
-    """Run a scene with and without its inclusions, and return what passes them and what comes back.
+    """Run a scene with and without its inclusions, and return the transmitted and reflected shares.
 
     Parameters
     ----------
     scene : Scene
-        Hexagonal crystal with quiet ends, whole rows that are a source with a burst or a tone, and inclusions above
-        them. The wave gives the mode of the incident wave, and its usual frequency. Snapshots are added if there are
-        none, one a record.
+        Hexagonal crystal with quiet ends, a source of whole rows with a burst or a tone, and inclusions above it.
+        ``[wave]`` gives the mode of the incident wave and the default frequency. If there are no snapshots, one per
+        record is added.
     folder : path
         Study folder, which is created. It will hold ``scatter.csv`` and the run folders ``normalisation``,
         ``inclusions`` and, for each tone, ``tone_N_normalisation`` and ``tone_N_inclusions``.
     tones : int
-        Number of the burst's frequencies that are run as tones too.
+        Number of frequencies of the burst that also run as tones.
     force : bool
         Run again in an existing folder.
     progress : callable, optional
@@ -167,8 +167,8 @@ def scatter(
     Raises
     ------
     SceneError
-        If the scene is no such experiment, with the key that stands against it, before anything is run; if the run is
-        too short for its signal.
+        If the scene is not such an experiment (the error names the key, before any run), or if the run is too short for
+        its signal.
     RunFolderError, EffectError, LammpsMissingError, LammpsError
         As in `granular_lmp.run`.
     """
@@ -188,12 +188,12 @@ def scatter(
             "period of the source"
         )
     windows = _windows(problem)
-    # No earlier, whatever the wave is; whether it has passed is judged by what was recorded
+    # Lower bound for any wave; the record decides whether the wave has passed
     passed = source.delay + problem.sources[0].lasts + (windows.behind[-1] - source.rows[1]) / FASTEST_ROWS_PER_TAU
     if scene.time.duration < passed:
         raise SceneError(
-            f"time.duration = {scene.time.duration!r}: must be at least {passed:.4g}, until the fastest wave has "
-            "passed the rows behind the inclusions, and longer for slower ones"
+            f"time.duration = {scene.time.duration!r}: must be at least {passed:.4g}, so that the fastest wave passes "
+            "the rows behind the inclusions; slower waves need longer"
         )
     frequencies = _running(windows, problem, frequency * np.linspace(1 - width, 1 + width, FREQUENCIES if width else 1))
     inner = frequencies[np.abs(frequencies / frequency - 1) <= width / 2]
@@ -218,7 +218,7 @@ def scatter(
 
 
 def _clear_study(folder: Path) -> None:
-    """Delete the table and the tones of an earlier study, which is not to stand beside the runs of another."""
+    """Delete the table and the tones of an earlier study, which must not stand beside new runs."""
     with writable(folder):
         (folder / SCATTER).unlink(missing_ok=True)
         clear(folder)
@@ -232,7 +232,7 @@ def _clear_study(folder: Path) -> None:
 
 
 def _source_of(scene: Scene) -> Source:
-    """Return the source of a scene that can be a scattering experiment; else raise a SceneError."""
+    """Return the source of a scene; raise SceneError if the scene cannot be a scattering experiment."""
     shape = scene.shape
     if not scene.inclusion:
         raise SceneError("inclusion = []: must be at least one table [[inclusion]], as nothing scatters without it")
@@ -246,12 +246,12 @@ def _source_of(scene: Scene) -> Source:
         raise SceneError(f"source = {len(scene.source)}: must be one table [[source]] for scattering")
     for item in fields(Disorder):
         value = getattr(scene.disorder, item.name)
-        if item.name != "seed" and value != item.default:  # inclusions with a share are drawn by the seed
+        if item.name != "seed" and value != item.default:  # the seed selects inclusions with a share
             raise SceneError(f"disorder.{item.name} = {value!r}: must be {item.default:g} for scattering by inclusions")
     if scene.packing.table:
         raise SceneError(f"packing.table = {scene.packing.table.said!r}: must be left out for scattering by inclusions")
     if scene.absorb.rows == 0:
-        raise SceneError('absorb.rows = 0: must be "auto" or a number, as held ends send back what is measured')
+        raise SceneError('absorb.rows = 0: must be "auto" or a number, as held ends reflect the measured waves')
     (source,) = scene.source
     if not source.rows:
         raise SceneError(f"source 1: spheres = {shown([list(each) for each in source.spheres])}: must be rows")
@@ -263,8 +263,8 @@ def _source_of(scene: Scene) -> Source:
 def _as_tone(scene: Scene, frequency: float) -> Scene:
     """Return the scene with a tone of a frequency in place of its burst.
 
-    The tone rises no faster than the burst. All that its start makes has therefore passed when a burst has, and it is
-    read off after that.
+    The tone rises no faster than the burst. The waves of its start have therefore passed when a burst would have
+    passed, and it is evaluated after that.
     """
     burst, period = scene.source[0], 2 * np.pi / frequency
     ramp = max(1.0, burst.cycles * period / 2)
@@ -275,7 +275,7 @@ def _as_tone(scene: Scene, frequency: float) -> Scene:
 
 @dataclass(frozen=True, eq=False)
 class _Windows:
-    """Rows of perfect lattices in front of the inclusions and behind, these lattices, and that without inclusions."""
+    """Rows of perfect lattices before and behind the inclusions, their lattices, and the lattice without inclusions."""
 
     front: range
     behind: range
@@ -285,7 +285,7 @@ class _Windows:
 
 
 def _windows(problem: Problem) -> _Windows:
-    """Return the rows in front and behind of a scene with inclusions.
+    """Return the rows before and behind the inclusions of a scene.
 
     Raises
     ------
@@ -322,7 +322,7 @@ def _windows(problem: Problem) -> _Windows:
 
 
 def _running(windows: _Windows, problem: Problem, frequencies: Floats) -> Floats:
-    """Return the frequencies at which the incident wave runs, but for edges of bands in front and behind."""
+    """Return the frequencies at which the incident wave runs, except edges of bands before and behind."""
     name, physics = problem.scene.require_wave().mode, physics_of(problem.scene)
     found = []
     for frequency in frequencies:
@@ -349,7 +349,7 @@ def _compare(problem: Problem, normal: Snapshots, scattered: Snapshots, frequenc
     ]
     rows = []
     for k, frequency in enumerate(frequencies):
-        # Velocity Verlet has the waves of this frequency in the lattice
+        # Velocity Verlet has the waves that the lattice has at this frequency
         whole, lower, upper = (
             row_waves(line, frequency * np.sinc(frequency * step / (2 * np.pi)), physics)
             for line, step in (

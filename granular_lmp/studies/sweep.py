@@ -1,8 +1,8 @@
-"""A sweep: runs of one scene for the outer product of lists of values, on any executor.
+"""Sweep: runs of one scene for the outer product of lists of values, on any executor.
 
 A sweep folder holds ``sweep.json`` (the request), ``runs/HASH`` (a run folder for each scene, named by a hash of the
 scene) and ``sweep.csv`` (a line for each run). A sweep that was stopped, or is started again, reads the run folders,
-runs what is missing, and continues interrupted runs.
+runs missing points, and continues interrupted runs.
 """
 
 import logging
@@ -55,7 +55,7 @@ Progress = Callable[[int, int, float], None]
 
 _LOOK = 0.02  # s between two checks for finished runs
 _SAVE = 5.0  # s between two writes of the table
-_OVERHEAD = 1e5  # spheres times steps, to which time is proportional, in the 20 ms that a warm run takes beside them
+_OVERHEAD = 1e5  # spheres times steps that take as long as the other 20 ms of a warm run
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,14 +71,15 @@ class Sweep(HasCard):
     over : dict of str to list
         Dotted key → its values.
     rows : list of dict
-        For each point of the outer product, the last key running fastest: the swept values as they ran, and the columns
-        of the scene: of a wave p, q, φ and the second harmonic (`granular_lmp.accuracy.second_harmonic`), else what
-        arrives at the farthest sphere (`granular_lmp.studies.far_sphere`). Where others ran than were asked for, as in
-        a periodic cell, the latter are under "KEY_asked". ``status`` is "finished", "failed" or "unfinished"; what is
-        not known is None. ``frequency`` is in rad/t0, ``guards`` names those that were not quiet. Read-outs of monitors
-        of motion follow (`granular_lmp.runs.readouts`), "NAME.u1", "NAME.u1_error", …
+        A row for each point of the outer product, with the last key running fastest. It holds the swept values as they
+        ran and the columns of the scene: for a wave p, q, φ and the second harmonic
+        (`granular_lmp.accuracy.second_harmonic`), otherwise the arrival at the farthest sphere
+        (`granular_lmp.studies.far_sphere`). If other values ran than requested, as in a periodic cell, "KEY_asked"
+        holds the requested ones. ``status`` is "finished", "failed" or "unfinished"; unknown values are None.
+        ``frequency`` is in rad/t0, and ``guards`` names the guards that triggered. Readouts of monitors of motion
+        follow (`granular_lmp.runs.readouts`): "NAME.u1", "NAME.u1_error", …
     notes : list of str
-        A sentence for values that coincide, which are one run, with what tells them apart.
+        Sentences on values that coincide in one run, with a remedy.
 
     Examples
     --------
@@ -122,12 +123,12 @@ class Sweep(HasCard):
 
     @property
     def main_columns(self) -> tuple[str, str]:
-        """The two columns that are drawn and shown first."""
+        """The two columns to draw and show first."""
         return ("far_speed", "far_tau") if self.scene.wave is None else ("largest_p", "second_harmonic")
 
     @property
     def axes(self) -> list[str]:
-        """The column that counts the values of each key: itself, "KEY_asked" if what runs depends on other keys too."""
+        """Column for the values of each key: the key, or "KEY_asked" if what runs depends on other keys too."""
         return [self._axis(key, f"{key}{ASKED}") for key in self.over]
 
     def _axis(self, key: str, asked: str) -> str:
@@ -174,11 +175,10 @@ class Sweep(HasCard):
         return optional_package("pandas").DataFrame(self.rows, columns=self.columns)
 
     def to_xarray(self) -> Any:
-        """Return the table as an ``xarray.Dataset`` with a dimension for each swept key, in it each run once.
+        """Return the table as an ``xarray.Dataset`` with a dimension for each swept key.
 
-        Names have "_" where the table has dots, so that ``data.wave_amplitude`` is one; ``units`` and ``long_name``,
-        the name in the table, are attributes. The coordinates are the values that ran, but for the columns "KEY_asked"
-        of `axes`.
+        Names have "_" in place of dots, so that ``data.wave_amplitude`` works; the attributes are ``units`` and
+        ``long_name``, the name in the table. Coordinates are the values that ran, or the columns "KEY_asked" of `axes`.
 
         Raises
         ------
@@ -216,10 +216,10 @@ def sweep(
 ) -> Sweep:
     """Run `scene` with every combination of the values in `over`; finished runs are not repeated.
 
-    `Sweep.notes` are said in the log, at level INFO, before the first run.
+    `Sweep.notes` are logged at level INFO before the first run.
 
-    A run that fails has its message in its row, and the others continue. If the sweep is started again, failed runs
-    are repeated and interrupted ones continue from their last checkpoint.
+    The row of a failed run holds the message, and the other runs continue. If the sweep is started again, failed runs
+    are repeated and interrupted runs continue from their last checkpoint.
 
     Parameters
     ----------
@@ -230,27 +230,27 @@ def sweep(
     folder : path
         Sweep folder, which is created. Processes on other machines must see it under the same absolute path.
     executor : concurrent.futures.Executor, optional
-        Executor of the runs, one at a time in each process; by default this process. Any object with a method
-        ``submit(function, *arguments)`` will do, whose results have ``done()``, ``result()`` and ``cancel()``.
+        Executor of the runs, one at a time in each process; by default this process. It may be any object with a method
+        ``submit(function, *arguments)`` whose results have ``done()``, ``result()`` and ``cancel()``.
     force : bool
         Use an existing folder, even of another sweep: ``sweep.json`` and ``sweep.csv`` are replaced, runs are kept and
         used.
     progress : callable, optional
         Callback ``progress(runs done, runs, seconds left)``.
     kernel : bool, optional
-        As in `granular_lmp.run`. Runs that are finished are kept, with it or without, as their numbers are the same.
+        As in `granular_lmp.run`. Finished runs are kept, with or without the kernel, as their numbers are the same.
     engine : Engine, optional
-        As in `granular_lmp.run`. A sweep is continued by what began it, and with `force` all runs of another are made
-        again. Processes of an executor get a pickled copy.
+        As in `granular_lmp.run`. Only the same engine can continue a sweep; with `force`, runs of another engine are
+        made again. Processes of an executor get a pickled copy.
 
     Raises
     ------
     SceneError
-        If a key or a value is not allowed, or the engine does not hold a point, before anything is written.
+        If a key or value is not allowed, or the engine does not support a point; nothing is written before.
     RunFolderError
-        If the folder exists and is not that of this sweep (without `force`), or another sweep is at work in it.
+        If the folder exists and belongs to no such sweep (without `force`), or another sweep is in progress in it.
     LammpsMissingError
-        If the kernel is asked for and was not built.
+        If the kernel is required but was not built.
     RunInterrupted
         On Ctrl-C; finished runs are kept.
 
@@ -282,7 +282,7 @@ def sweep(
 
         todo = {name: each for name, each in made.items() if rows[name]["status"] != "finished"}
         if todo and engine is None and kernel is None and library.is_built():
-            library.say_taken()  # runs in other processes say nothing here
+            library.say_taken()  # runs in other processes do not log here
         cost = {point.run: point.work + _OVERHEAD for point in grid if point.run in todo}
         total = left = sum(cost.values())
         started = saved = time.monotonic()
@@ -296,12 +296,12 @@ def sweep(
                     save()
                     saved = time.monotonic()
         except (KeyboardInterrupt, RunInterrupted) as error:
-            # Some runs may have ended since
+            # some runs may have ended meanwhile
             rows |= {name: row_of(folder / RUNS / name, made[name], options.device) for name in cost}
             finished = sum(row["status"] == "finished" for row in rows.values())
             raise RunInterrupted(
-                f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept, "
-                "the same command again does the rest"
+                f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept; the same command does "
+                "the rest"
             ) from error
         finally:
             done = save()
@@ -309,7 +309,7 @@ def sweep(
 
 
 def _refusal(engine: Engine | None) -> Callable[[Problem], None] | None:
-    """Return what refuses problems that an engine does not hold."""
+    """Return a function that refuses problems which the engine does not support."""
     if engine is None:
         return None
     from granular_lmp.runs.stepping import refuse_unheld  # LAMMPS does without
@@ -348,19 +348,19 @@ def _results(folder: Path, todo: dict[str, Scene], executor: Executor, options: 
 
 
 def _submitted(executor: Executor, scene: Scene, folder: Path, options: Options) -> "Future[Point]":
-    """Return the future of a run; of one that fails at once or is refused, a future that holds the error."""
+    """Return the future of a run; if the run fails at once or is refused, the future holds the error."""
     try:
         return executor.submit(run_point, scene, folder, options)
     except RunInterrupted:
         raise
-    except Exception as error:  # also of a batch system that takes no more jobs
+    except Exception as error:  # also from a batch system that accepts no more jobs
         future: Future[Point] = Future()
         future.set_exception(error)
         return future
 
 
 def run_point(scene: Scene, folder: Path, options: Options) -> Point:
-    """Do one run of a sweep, or the rest of it, and return its row; the executor calls this function.
+    """Run or continue one run of a sweep and return its row; the executor calls this function.
 
     Raises
     ------
@@ -377,17 +377,19 @@ def run_point(scene: Scene, folder: Path, options: Options) -> Point:
             record = _continued(scene, folder, replace(options, progress=heed))
     except RunInterrupted:
         raise
-    except GranularError as error:  # as a row: an exception of several arguments cannot be sent between processes
+    except (
+        GranularError
+    ) as error:  # as a row, because an exception with several arguments cannot be sent between processes
         return row_of(folder, scene, options.device) | {"status": "failed", "message": str(error)}
     return summary_of(scene, record.info, record)
 
 
 def _continued(scene: Scene, folder: Path, options: Options) -> Record:
-    """Continue a run from its checkpoint, however it ended, or begin it; one of another engine is begun again."""
+    """Continue a run from its checkpoint, however it ended, or start it; a run of another engine starts again."""
     info = info_of(folder)
     status = info.get("status", "finished")
     if status != "finished" and info.get("device") == options.device:
-        # It has no checkpoint, or failed by a guard; what failed otherwise may fail from its checkpoint again
+        # It has no checkpoint, or a guard failed it; other failures may occur again from the checkpoint
         with suppress(RunFolderError, *([LammpsError] if status == "failed" else [])):
             return resume(folder, progress=options.progress, engine=options.engine)
     return run(scene, folder, force=True, progress=options.progress, kernel=options.kernel, engine=options.engine)
@@ -399,11 +401,11 @@ def _result(scene: Scene, folder: Path, options: Options, future: "Future[Point]
         return future.result()
     except RunInterrupted:
         return row_of(folder, scene, options.device)
-    except Exception as error:  # the executor or the machine failed: this run did, the others continue
+    except Exception as error:  # the executor or the machine failed for this run; the others continue
         message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
         message = " ".join(message.split())
     info = info_of(folder)
-    if info.get("status") == "finished":  # only its answer was lost
+    if info.get("status") == "finished":  # only its result was lost
         return row_of(folder, scene, options.device)
     if info:
         with suppress(OSError):

@@ -1,4 +1,4 @@
-"""The points of a sweep: lists of values, their outer product, and of each what was asked for, what runs, and where."""
+"""Points of a sweep: lists of values, their outer product, and for each point its request, its run and the folder."""
 
 import json
 import re
@@ -20,15 +20,15 @@ from granular_lmp.scene.schema import cut, shown
 from granular_lmp.studies.identity import names_of
 
 _AT_COMMAS = re.compile(r",(?![^\[]*\])")  # commas between values, not those inside a pair
-_WAVE_VECTOR = ("wavenumber", "frequency", "direction")  # keys that together say which wave it is
+_WAVE_VECTOR = ("wavenumber", "frequency", "direction")  # keys that together determine the wave
 MOST_RUNS = 100_000  # each run has a folder; file systems and the table are fast up to this number
 
 
 def axis(text: str) -> tuple[str, list[Any]]:
     """Return ``("wave.amplitude", [0.02, 0.2])`` for ``"wave.amplitude=0.02,0.2"``.
 
-    The values are TOML scalars or pairs with commas between them. ``a:b:n`` stands for n values from a to b, both
-    included, each the double nearest to the exact a + k(b − a)/(n − 1); they are whole numbers if all are whole.
+    The values are TOML scalars or pairs with commas between them. ``a:b:n`` means n values from a to b, both included:
+    the doubles nearest to a + k(b − a)/(n − 1), or whole numbers if all are whole.
 
     Raises
     ------
@@ -72,21 +72,21 @@ def _item(item: str, text: str) -> list[Any]:
 
 @dataclass(frozen=True)
 class GridPoint:
-    """A point of a sweep.
+    """Point of a sweep.
 
     Attributes
     ----------
     asked, ran : dict
-        Its values by dotted key, as they were asked for and as they run: an "auto" is decided, a wave fits its cell, a
-        time step its sample.
+        Its values by dotted key, as requested and as they run: with "auto" decided, a wave that fits its cell, and a
+        time step that fits its sample.
     run : str
-        Name of its run; points at which the same motion runs share that of one of them.
+        Name of its run; points with the same motion share one run.
     scene : Scene
-        The scene that was asked for.
+        Requested scene.
     of_run : Scene
-        The scene of the run, which is another for points that share it.
+        Scene of the run; it may be another one for points that share a run.
     work : float
-        Spheres times steps of the run, to which its time is proportional.
+        Spheres times steps of the run; the time is proportional to this.
     """
 
     asked: dict[str, Any]
@@ -105,8 +105,8 @@ def points(
 ) -> list[GridPoint]:
     """Return every point of the outer product of `over`, the last key running fastest.
 
-    `runs` is the folder of the runs, where that is there already: points that share a run take one that is there.
-    `refuse` raises SceneError for the problem of a point, with its time step, that is not to be run.
+    `runs` is the folder of runs, if it exists: points that share a run use an existing one. `refuse` raises SceneError
+    for the problem of a point, with its time step, that cannot run.
 
     Raises
     ------
@@ -146,23 +146,23 @@ def points(
 
 
 def _chosen(same: list[GridPoint], runs: Path | None) -> GridPoint:
-    """Return the one of points with the same motion whose run they share: that is there already, else the first."""
+    """Return the point whose run all points with the same motion share: one with an existing run, else the first."""
     return next((point for point in same if runs and (runs / point.run).exists()), same[0])
 
 
 def _ran(problem: Problem, asked: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of a scene that runs, its every "auto" decided, for those that were asked for."""
+    """Return the values that run, with every "auto" decided, for the requested ones."""
     scene = problem.scene
 
     def of(key: str, value: Any) -> Any:
         said = scene.value(key)
-        return scene.used.get(key, value if said is None or said == value else said)  # 2 stays 2 beside 2.0
+        return scene.used.get(key, value if said is None or said == value else said)  # 2 is kept as 2, not 2.0
 
     return {key: of(key, value) for key, value in asked.items()}
 
 
 def _motion(problem: Problem) -> str:
-    """Return all that a scene that runs says of its motion: equal for values that its cell or sample makes equal."""
+    """Return everything in a scene that determines its motion; values that a cell or sample makes equal agree."""
     scene = problem.scene
     values = scene.to_dict()
     if scene.wave is not None:
@@ -173,13 +173,13 @@ def _motion(problem: Problem) -> str:
 
 
 def scene_hash(scene: Scene) -> str:
-    """Return the name of a scene's run, in which every "auto" is decided (`granular_lmp.studies.identity`)."""
+    """Return the name of the run of a scene with every "auto" decided (`granular_lmp.studies.identity`)."""
     return names_of(prepare(scene).scene)[0]
 
 
 def _name(problem: Problem, runs: Path | None) -> str:
-    """Return the name of a problem's run; in a folder `runs` that of an earlier release, where the run has that one."""
+    """Return the name of the run of a problem, or the name of an earlier release if `runs` has the run so."""
     names = names_of(problem.scene)
-    if problem.declared.packing.columns == 1:  # release 0.1.0 ran one column where the scene says so
+    if problem.declared.packing.columns == 1:  # release 0.1.0 ran one column if the scene said so
         names += names_of(problem.scene.with_values({"packing.columns": 1}))
     return next((name for name in names if runs and (runs / name).exists()), names[0])

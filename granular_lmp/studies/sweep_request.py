@@ -1,4 +1,4 @@
-"""The request of a sweep folder, ``sweep.json``: its scene, the values of its keys, and what engine takes the steps."""
+"""Request of a sweep folder, ``sweep.json``: its scene, the values of its keys, and its engine."""
 
 import json
 from pathlib import Path
@@ -19,40 +19,40 @@ def claim(folder: Path, request: dict[str, Any], force: bool) -> None:
     there = read_request(folder)
     if there is not None and not force and (by := by_whom(there)) != by_whom(request):
         raise RunFolderError(
-            f"{folder}: holds a sweep by {by}, which {by} alone continues, not {by_whom(request)}; "
-            "choose another folder or say force=True"
+            f"{folder}: holds a sweep by {by}, which only {by} can continue, not {by_whom(request)}; choose another "
+            "folder or say force=True"
         )
     if there is not None and not force and _identity(folder, there) != _identity(folder, request):
         asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
         raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say force=True")
     if there is None and not force and any(folder.iterdir()):
-        raise RunFolderError(f"{folder}: is there already; choose another folder or say force=True")
-    if there is None and (folder / STATUS).exists():  # it was the folder of one run
+        raise RunFolderError(f"{folder}: exists already; choose another folder or say force=True")
+    if there is None and (folder / STATUS).exists():  # the folder held one run
         clear(folder)
     if there != request:
         with writable(folder):
-            (folder / TABLE).unlink(missing_ok=True)  # a killed sweep would leave that of the other one
+            (folder / TABLE).unlink(missing_ok=True)  # a killed sweep would leave the table of the other sweep
             replace_text(folder / SWEEP, json.dumps(request, indent=2) + "\n")
 
 
 def scene_asked(folder: Path, request: dict[str, Any]) -> Scene:
-    """Return the scene of a request; the table of its spheres lies in the folder."""
+    """Return the scene of a request; the folder has the table of its spheres."""
     return Scene.from_dict(located(request["scene"], folder))
 
 
 def _identity(folder: Path, request: dict[str, Any]) -> str:
     over = request["over"]
-    first = {key: values[0] for key, values in over.items() if values}  # what is swept may be wrong in the scene itself
+    first = {key: values[0] for key, values in over.items() if values}  # a swept value may be wrong in the scene
     return json.dumps([list(over.items()), scene_hash(scene_asked(folder, request).with_values(first))])
 
 
 def by_whom(request: dict[str, Any]) -> str:
-    """Return what takes the steps of the runs."""
+    """Return the name of what takes the steps of the runs."""
     return f"the network ({request['device']})" if "device" in request else "LAMMPS"
 
 
 def read_request(folder: Path) -> dict[str, Any] | None:
-    """Return the contents of ``sweep.json``, or None without the file."""
+    """Return the contents of ``sweep.json``, or None if there is no file."""
     path = folder / SWEEP
     try:
         request = json.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""A line of the table of a sweep: what is known of a run, from its folder alone."""
+"""Line of the table of a sweep: the results of a run, read only from its folder."""
 
 from math import pi
 from pathlib import Path
@@ -19,16 +19,16 @@ from granular_lmp.studies.sweep_points import GridPoint
 Point = dict[str, Any]
 
 RUNS = "runs"
-ASKED = "_asked"  # behind a swept key: the column of the values that were asked for, where others ran
+ASKED = "_asked"  # suffix of a swept key: column of the requested values, if other values ran
 # Columns and their units
 _FIRST = {"run": "", "status": "", "message": "", "seconds": "s", "steps": "", "particles": ""}
-# What a line of the table says of a wave beside the swept values: of run.json; the largest |p|, |q|, |phi| of the
-# record; the second harmonic as measured, with the error of the fit, and in metres
+# Columns of a wave beside the swept values: from run.json; the largest |p|, |q|, |phi| in the record; the measured
+# second harmonic, with the error of the fit, and in metres
 _MEASURED = {
     **{"frequency_Hz": "Hz", "largest_p": "D0", "largest_q": "D0", "largest_phi": "D0"},
     **{"second_harmonic": "D0", "second_harmonic_error": "D0", "second_harmonic_m": "m"},
 }
-# Of the guards, the smallest overlap, and the largest shear over sliding force
+# From guards: the smallest overlap, and the largest ratio of shear to sliding force
 _OF_WAVE = {
     **{"contacts_per_sphere": "", "wavenumber_used": "rad per row", "direction_used": "degrees", "frequency": "rad/t0"},
     **_MEASURED,
@@ -37,12 +37,12 @@ _OF_WAVE = {
 
 
 def units_of(scene: Scene) -> dict[str, str]:
-    """Return the columns of a scene in the table, and their units; read-outs of its monitors follow."""
+    """Return the columns of a scene in the table, with units; readouts of its monitors follow."""
     return _FIRST | (far_sphere.COLUMNS if scene.wave is None else _OF_WAVE) | {"guards": ""}
 
 
 def said_of(column: str, scene: Scene) -> dict[str, str]:
-    """Return the attributes of a column in a data set: its name in the table, its unit, and what a swept key means."""
+    """Return the attributes of a column in a data set: its name in the table, its unit, and the meaning of a key."""
     known, key = units_of(scene), column.removesuffix(ASKED)
     said = {"long_name": column}
     if column in known:
@@ -51,13 +51,13 @@ def said_of(column: str, scene: Scene) -> dict[str, str]:
         try:
             rule = rule_of(key, scene)
             said |= {"units": rule.unit, "comment": rule.meaning}
-        except KeyError:  # a read-out of a monitor
+        except KeyError:  # a readout of a monitor
             said["units"] = "D0"
     return {name: value for name, value in said.items() if value}
 
 
 def info_of(folder: Path) -> dict[str, Any]:
-    """Return the contents of ``run.json``: nothing where there is none, and that it failed where it cannot be read."""
+    """Return the contents of ``run.json``: {} if there is none, and status "failed" if it cannot be read."""
     if not (folder / STATUS).exists():
         return {}
     try:
@@ -67,10 +67,10 @@ def info_of(folder: Path) -> dict[str, Any]:
 
 
 def table_of(grid: list[GridPoint], rows: dict[str, Point]) -> list[Point]:
-    """Return a line for each point of the grid: the values that ran, those that were asked for, and its run.
+    """Return a line for each point of the grid: the values that ran, the requested values, and the run.
 
-    Points at which the same motion runs share a run. What was asked for has columns only for keys of which a value ran
-    as another. A line has None in the columns of monitors that only other lines have.
+    Points with the same motion share a run. Only keys with a value that ran differently have columns for requested
+    values. A line has None in the columns of monitors that only other lines have.
     """
     empty = dict.fromkeys(key for row in rows.values() for key in row)
     other = {key for point in grid for key, value in point.asked.items() if point.ran[key] != value}
@@ -85,9 +85,9 @@ def table_of(grid: list[GridPoint], rows: dict[str, Point]) -> list[Point]:
 
 
 def row_of(folder: Path, scene: Scene, device: str | None) -> Point:
-    """Return what the table says of the run folder of a scene, or of one that is not there.
+    """Return the line of the table for the run folder of a scene, which may be missing.
 
-    A run on another device than that of a sweep's engine, or by LAMMPS, is not that of the sweep.
+    A run by LAMMPS, or on another device than that of the engine, does not belong to a sweep by an engine.
     """
     info, record = info_of(folder), None
     if info.get("status") == "finished" and info.get("device") != device:
@@ -101,7 +101,7 @@ def row_of(folder: Path, scene: Scene, device: str | None) -> Point:
 
 
 def summary_of(scene: Scene, info: dict[str, Any], record: Record | None) -> Point:
-    """Return what the table says of the run of a scene, from ``run.json`` and the record, if there is one."""
+    """Return the columns of the run of a scene, from ``run.json`` and the record, if there is one."""
     ended = info.get("status") in ("finished", "failed")
     first = {
         "status": info["status"] if ended else "unfinished",
@@ -125,7 +125,7 @@ def _of_wave(info: dict[str, Any], record: Record | None) -> Point:
 
 
 def _measured(record: Record | None) -> Point:
-    """Return the numbers read off a record; None each where there is no record, or no second harmonic in it."""
+    """Return the numbers from a record; each is None without a record, or without a second harmonic in it."""
     if record is None:
         return dict.fromkeys(_MEASURED)
     scene, found = record.scene, second_harmonic(record)

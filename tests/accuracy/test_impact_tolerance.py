@@ -159,7 +159,7 @@ def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
         assert answer(runs).velocity == pytest.approx(record.velocity, abs=1e-12)
     assert main(["export", str(tmp_path / "run"), "-o", str(tmp_path / "run.csv")]) == 0
     assert main(["view", str(tmp_path / "run"), "-o", str(tmp_path / "run.png")]) == 0
-    with pytest.raises(RunFolderError, match="is there already"):
+    with pytest.raises(RunFolderError, match="exists already"):
         run_impact(scene, tmp_path / "run")
     assert planned(prepare(scene)).scene.time.steps_per_sample == per_sample << RUNGS - 1
 
@@ -219,7 +219,7 @@ def test_a_sweep_and_the_commands_take_a_tolerance(tmp_path: Path, capsys: pytes
     steps = planned(prepare(scene)).scene.time.steps * 7 // 4  # 1 + 2 + 4 of the first run, which has a quarter
     assert main(["check", file]) == 0
     assert (
-        f"steps     {steps} in 3 runs, or more if their errors ask for it; 11 records of 6 spheres"
+        f"steps     {steps} in 3 runs, or more if their errors require it;  11 records of 6 spheres"
         in capsys.readouterr().out
     )
     assert main(["effects", file]) == 0

@@ -160,5 +160,5 @@ def test_what_rounding_drowns_at_the_step_that_it_needs_is_noise(shorter: int, d
 
 
 def test_where_all_that_counts_is_lost_the_tolerance_is_refused() -> None:
-    with pytest.raises(ToleranceError, match="rounding alone makes larger errors in all that is recorded"):
+    with pytest.raises(ToleranceError, match="rounding alone makes larger errors in all recorded signals"):
         noise.refuse_noise(1e-2, {"p": 0.1, "q": 0.1}, ["p", "q"])

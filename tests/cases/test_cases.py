@@ -72,7 +72,7 @@ def test_a_run_is_made_for_each_combination_of_values() -> None:
 
 
 @pytest.mark.usefixtures("drawn_once")
-@pytest.mark.parametrize("name", members(["figure2", "standing"], "standing"))
+@pytest.mark.parametrize("name", members(["figure2", "own_deck", "standing"], "standing"))
 def test_a_case_is_run_drawn_and_judged_by_one_command(
     name: str,
     tmp_path: Path,

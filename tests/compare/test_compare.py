@@ -404,14 +404,6 @@ def test_the_table_of_the_results_page_is_measured(case: int, xi: float, shown: 
         assert shown_row("LAMMPS, by least squares")[case] == pytest.approx([ours.measured], rel=5e-4)
 
 
-def test_the_rows_of_the_readme_are_those_of_the_results_page() -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
-    start = readme.index(next(line for line in PAGE.splitlines() if line.startswith("| | ξ = 0.802")))
-    rows = readme[start + 2 : readme.index("", start)]
-    assert len(rows) == 3
-    assert set(rows) <= set(PAGE.splitlines())
-
-
 def test_what_the_caption_of_figure_3_says_of_the_resonance(shown: Shown) -> None:
     record, _, _ = shown(1.475)
     wave = wave_of(record)

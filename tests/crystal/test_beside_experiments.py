@@ -1,4 +1,4 @@
-"""Statements of docs/beside-experiments.md that the model makes, with their numbers."""
+"""Statements of docs/layers.md on published experiments, with their numbers."""
 
 import numpy as np
 import pytest

@@ -159,7 +159,7 @@ def test_what_is_promised_is_the_largest_reflection_at_the_step_that_runs(step: 
     assert end.reflection == max(found) <= 1e-3
     (effect,) = (each for each in problem.effects if each.name == "quiet_ends")
     assert effect.number == end.reflection
-    assert f"; {end.reflection:.1e} of the amplitude comes back at this step" in build(problem.scene).input_text
+    assert f"; {end.reflection:.1e} of the amplitude is reflected at this step" in build(problem.scene).input_text
 
 
 def test_a_longer_step_takes_more_rows() -> None:
@@ -193,8 +193,8 @@ def test_all_runs_to_a_tolerance_have_one_layer() -> None:
         said += [each for each in part.warnings() if "absorb.rows" in each]
     # Only the steps that are too long for these rows are remarked on, and none is refused
     assert re.fullmatch(
-        rf"absorb\.rows = {whole.rows}: reflect 0\.00\d+ of the wave at time\.timestep = 0\.4, and absorb\.reflection "
-        r"= 0\.001 is wanted; take \d+ rows, or a shorter step",
+        rf"absorb\.rows = {whole.rows}: reflect 0\.00\d+ of the wave at time\.timestep = 0\.4, more than "
+        r"absorb\.reflection = 0\.001; use \d+ rows, or a shorter step",
         said[0],
     )
     assert len(said) < 4

@@ -141,7 +141,7 @@ IMPOSSIBLE = [
     ({"effects.tracking": True, "effects.rotation": False}, "effects.tracking = true: needs effects.rotation"),
     ({"effects.sliding": True}, "effects.sliding = true: needs effects.friction"),
     ({"effects.damping": True}, "effects.damping = true: needs effects.viscosity"),
-    ({"effects.restitution": 0.9}, r"effects.restitution = 0.9: LAMMPS has it for contacts without adhesion only"),
+    ({"effects.restitution": 0.9}, r"effects.restitution = 0.9: LAMMPS has it only for contacts without adhesion"),
     (
         {"effects.viscosity": 1e-9, "effects.restitution": 0.9},
         "effects.viscosity = 1e-09 and effects.restitution = 0.9",
@@ -273,7 +273,9 @@ def test_every_combination_of_effects_is_accepted_by_lammps_or_refused_with_a_re
             refused.add(str(error))
     assert taken >= 40
     assert len(refused) >= 4
-    assert not [reason for reason in refused if "needs" not in reason and "without adhesion only" not in reason]
+    assert not [
+        reason for reason in refused if "needs" not in reason and "only for contacts without adhesion" not in reason
+    ]
 
 
 # --- what is left out makes no difference, where the scene does not call for it ---

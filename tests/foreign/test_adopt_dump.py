@@ -3,6 +3,8 @@
 import gzip
 import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,8 @@ import pytest
 from granular_lmp.cli import main
 from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
 from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.lammps.custom_dump import frames
+from granular_lmp.lammps.outputs import UNNAMED
 from granular_lmp.plot.view import view
 from granular_lmp.runs.export import export
 from granular_lmp.runs.front import front
@@ -19,28 +23,28 @@ from granular_lmp.runs.unnamed import Unnamed
 from tests.instance import run_deck
 
 ROOT = Path(__file__).parents[2]
-# Eight beads of steel in a ring, tilted so that the box is triclinic; they drift, and one crosses the face at its end
+# Eight beads of steel in a ring through a box with three tilts; they drift, and one crosses each kind of face
 DECK = """
 units si
 atom_style sphere
 boundary p p p
 newton off
 comm_modify vel yes
-region box prism 0 0.159 -0.02 0.02 -0.02 0.02 0.004 0 0
+region box prism 0 0.159 -0.02 0.02 -0.02 0.02 0.004 -0.003 0.002
 create_box 2 box
 variable i loop 8
 label beads
-variable x equal (v_i-1)*0.019875+0.0027
+variable x equal (v_i-1)*0.019875+0.0217
 variable t equal 1+v_i%2
-create_atoms ${{t}} single $x 0 0
+create_atoms ${{t}} single $x 0.019 -0.019
 next i
 jump SELF beads
 set group all diameter 0.02 density 7780
 pair_style granular
 pair_coeff * * hertz/material 2e11 0 0.3 tangential mindlin NULL 0.0 0.3
-velocity all set 40 0 0
+velocity all set 40 30 -30
 group one id 3
-velocity one set 41 0 0
+velocity one set 41 30 -30
 fix 1 all nve/sphere
 timestep 2e-7
 {dumps}
@@ -115,10 +119,21 @@ def test_another_record_is_seen_by_that_comparison(adopted: Callable[[str], Unna
     assert np.abs(shift - best[7].place).max() > FORMATS["wrapped"][3]
 
 
-def test_a_sphere_that_crosses_a_face_is_followed(best: Unnamed) -> None:
-    drift = best[-1 % len(best)].place[:, 0] - best.rest[:, 0]
-    assert drift.min() > 3e-3
-    assert best[20].place[:, 0].max() > 0.159 - 0.02
+def test_spheres_that_cross_a_face_of_each_kind_are_followed(best: Unnamed) -> None:
+    np.testing.assert_allclose(best[20].place - best.rest, 8e-5 * np.array([[40, 30, -30]] * 8), atol=1e-4)
+    origin, cell, _ = best.cell
+    turns = np.floor((best[20].place - origin) @ np.linalg.inv(cell))
+    # All cross the faces y and z; those the last one crosses x are told apart from the tilt of the other faces
+    assert turns.tolist() == [[0, 1, -1]] * 7 + [[1, 1, -1]]
+    assert not np.floor((best.rest - origin) @ np.linalg.inv(cell)).any()
+
+
+def test_the_box_of_a_dump_is_that_of_the_record_with_its_tilt(best: Unnamed) -> None:
+    (again,) = islice(frames(best.folder / UNNAMED, print), 1)
+    np.testing.assert_allclose(best.cell[1], [[0.159, 0, 0], [0.004, 0.04, 0], [-0.003, 0.002, 0.04]], rtol=1e-12)
+    np.testing.assert_allclose(best.cell[0], [0, -0.02, -0.02], atol=1e-16)
+    np.testing.assert_allclose(again.cell, best.cell[1], atol=1e-16)
+    np.testing.assert_allclose(again.origin, best.cell[0], atol=1e-16)
 
 
 def test_velocities_that_a_dump_lacks_are_differences_of_places(
@@ -180,6 +195,12 @@ def test_dumps_of_one_run_are_joined_by_step_and_number(folder: Path, best: Unna
     np.testing.assert_array_equal(found.stack("place"), best.stack("place"))
 
 
+def test_dumps_that_begin_at_one_step_are_of_two_runs(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "again").write_bytes((folder / "dump unwrapped").read_bytes())
+    with pytest.raises(RunFolderError, match="again: begins at step 0, as dump unwrapped does; dumps of one run"):
+        adopt_dump([folder / "dump unwrapped", tmp_path / "again"], tmp_path / "run", KNOWN)
+
+
 def test_spheres_that_come_or_go_are_said_and_left_out(tmp_path: Path) -> None:
     snapshots = [(0, [1, 2, 3]), (10, [3, 1]), (20, [4, 1, 3])]
     text = "".join(
@@ -206,7 +227,8 @@ def test_places_are_followed_across_a_face_by_least_images(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("style", "length", "time"), [("si", 1.0, 1.0), ("cgs", 1e-2, 1.0), ("micro", 1e-6, 1e-6), ("nano", 1e-9, 1e-9)]
+    ("style", "length", "time"),
+    [("si", 1.0, 1.0), ("cgs", 1e-2, 1.0), ("micro", 1e-6, 1e-6), ("nano", 1e-9, 1e-9), ("lj", 1.0, 1.0)],
 )
 def test_a_record_is_in_si_units_whatever_the_style(style: str, length: float, time: float, tmp_path: Path) -> None:
     text = "".join(PLAIN.format(step, 1, "id x y z vx vy vz") + "1 0.25 0 0 3 0 0\n" for step in (0, 10))
@@ -215,7 +237,9 @@ def test_a_record_is_in_si_units_whatever_the_style(style: str, length: float, t
     assert found.rest[0, 0] == pytest.approx(0.25 * length, rel=1e-14)
     assert found.time[1] == pytest.approx(5 * time, rel=1e-14)
     assert found[0].velocity[0, 0] == pytest.approx(3 * length / time, rel=1e-14)
-    density = {"si": 2.0, "cgs": 2e3, "micro": 2e3, "nano": 2e6}[style]  # g/cm³, pg/µm³, ag/nm³
+    density = {"si": 2.0, "lj": 2.0, "cgs": 2e3, "micro": 2e3, "nano": 2e6}[style]  # g/cm³, pg/µm³, ag/nm³
+    assert found.in_si == (style != "lj")
+    assert [*found.si][:3] == (["t", "id", "x"] if style == "lj" else ["t_s", "id", "x_m"])
     assert found.mass[0] == pytest.approx(density * 4 / 3 * np.pi * (0.1 * length) ** 3, rel=1e-13)
 
 
@@ -228,6 +252,8 @@ REFUSED = {
     "holds no places": ("id vx vy vz", "1 0 0 0", KNOWN),
     "step 0: y of sphere 1 is not finite": ("id x y z", "1 0 nan 0", KNOWN),
     "holds molecules": ("id mol x y z", "1 4 0 0 0", KNOWN),
+    "density = 7780: the dump says 239926 at step 0; leave out density": ("id mass x y z", "1 1.005 0 0 0", KNOWN),
+    "radius = 0.01: the dump says 0.0101 at step 0; leave out radius": ("id radius x y z", "1 0.0101 0 0 0", KNOWN),
     "step 0: .*could not convert string 'no'": ("id x y z", "1 no 0 0", KNOWN),
 }
 
@@ -247,13 +273,17 @@ def test_what_is_not_known_is_asked_for_by_name(name: str, tmp_path: Path) -> No
         ("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ENTRIES\n1\n", "local dump"),
         ("units si\nrun 1\n", "line 'units si', expected ITEM"),
         ("", "holds no whole snapshot"),
+        (
+            "ITEM: UNITS\nreal\n" + PLAIN.format(0, 1, "id x y z") + "1 0 0 0\n",
+            "the dump says units real: must be one of si, cgs",
+        ),
         (PLAIN.format(0, 2, "id x y z") + "1 0 0 0\n1 1 0 0\n", "have the same id"),
     ],
 )
 def test_what_is_no_dump_of_spheres_is_refused(text: str, why: str, tmp_path: Path) -> None:
     (tmp_path / "dump").write_text(text)
     with pytest.raises(RunFolderError, match=why):
-        adopt_dump([tmp_path / "dump"], tmp_path / "run", KNOWN)
+        adopt_dump([tmp_path / "dump"], tmp_path / "run", replace(KNOWN, units=None if "real" in text else "si"))
 
 
 def test_a_run_does_not_take_the_place_of_its_dumps(tmp_path: Path) -> None:
@@ -291,8 +321,9 @@ def test_contacts_in_a_box_that_deforms_are_refused(tmp_path: Path) -> None:
 
 
 def test_values_out_of_range_are_refused() -> None:
-    with pytest.raises(RunFolderError, match="units = 'metal': allowed: si, cgs"):
-        Known("metal")
+    for style in ("metal", "real", "electron"):
+        with pytest.raises(RunFolderError, match=f"units = '{style}': allowed: si, cgs"):
+            Known(style)
     with pytest.raises(RunFolderError, match="radius = -1.0: must be a number above 0"):
         Known("si", 1.0, [0.1, -1.0])
 
@@ -304,7 +335,7 @@ def test_contacts_energies_and_tables_of_an_unnamed_crystal(best: Unnamed) -> No
     ]  # fmt: skip
     np.testing.assert_allclose(pairs.overlap, 0.02 - 0.159 / 8, rtol=1e-9)
     energy = best.kinetic_energy(best[0])
-    np.testing.assert_allclose(energy / best.mass, [800] * 2 + [840.5] + [800] * 5, rtol=1e-12)
+    np.testing.assert_allclose(energy / best.mass, [1700] * 2 + [1740.5] + [1700] * 5, rtol=1e-12)
     columns = ["t_s", "id", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "kinetic_energy_J"]
     assert [*best.to_pandas()] == columns
     assert best.contact_columns["id_i"][:8].tolist() == [1, 1, 2, 3, 4, 5, 6, 7]
@@ -315,16 +346,20 @@ def test_other_programs_read_an_unnamed_crystal(best: Unnamed, tmp_path: Path) -
     import ase.io
 
     export(best, tmp_path / "run.xyz")
-    frames = ase.io.read(tmp_path / "run.xyz", ":")
-    np.testing.assert_allclose(frames[7].positions, best[7].place, rtol=1e-15)
-    np.testing.assert_allclose(frames[0].cell, best.cell[1])
+    found = ase.io.read(tmp_path / "run.xyz", ":")
+    np.testing.assert_allclose(found[7].positions, best[7].place, rtol=1e-15)
+    np.testing.assert_allclose(found[0].cell, best.cell[1])
+    names = next(frames(best.folder / UNNAMED, print)).columns
+    binary = ase.io.read(best.folder / UNNAMED, 7, format="lammps-dump-binary", colnames=[*names])
+    np.testing.assert_allclose(binary.cell, best.cell[1], atol=1e-16)  # with its tilt
+    np.testing.assert_allclose(binary.positions, best[7].place, rtol=1e-15)
     export(best, tmp_path / "run.csv")
     assert len((tmp_path / "run.csv").read_text().splitlines()) == 1 + 8 * 21
     with pytest.raises(RunFolderError, match="must end in .* for an unnamed crystal"):
         export(best, tmp_path / "run.h5md")
     export(best, tmp_path / "contacts.csv", "contacts")
     assert (tmp_path / "contacts.csv").read_text().startswith("t_s,id_i,id_j,overlap_m\n0.0,1,2,")
-    with pytest.raises(RunFolderError, match="monitor = 'line': an unnamed crystal has 'contacts' alone"):
+    with pytest.raises(RunFolderError, match="monitor = 'line': an unnamed crystal has only 'contacts'"):
         export(best, tmp_path / "contacts.csv", "line")
     # The dump of the folder is one that can be adopted
     again = adopt_dump([best.folder / "dump.unnamed.bin"], tmp_path / "again", Known(None, 2e-7))
@@ -368,6 +403,17 @@ def test_harmonics_of_a_wave_in_an_unnamed_crystal(tmp_path: Path) -> None:
         crystal.harmonics(4e2, np.array([1.0, 0.0, 0.0]))
 
 
+@pytest.mark.parametrize("name", ["dump", "dump.bin"])
+def test_a_box_of_general_triclinic_form_is_refused(name: str, tmp_path: Path) -> None:
+    lattice = "lattice custom 0.02 a1 1 0 0 a2 0.5 1 0 a3 0.2 0.1 1 basis 0 0 0 triclinic/general"
+    text = DECK[: DECK.index("region box")] + f"{lattice}\ncreate_box 2 NULL 0 4 0 4 0 4\n"
+    dump = f"dump 1 all custom 1 {name} id x y z\ndump_modify 1 triclinic/general yes\nfix 1 all nve/sphere\nrun 0\n"
+    (tmp_path / "in.general").write_text(f"{text}create_atoms 1 box\npair_style zero 0.1\npair_coeff * *\n{dump}")
+    run_deck(tmp_path, "in.general")
+    with pytest.raises(RunFolderError, match="of general triclinic form; write it without triclinic/general"):
+        adopt_dump([tmp_path / name], tmp_path / "run", KNOWN)
+
+
 def test_the_front_in_an_unnamed_crystal_starts_at_a_sphere(tmp_path: Path) -> None:
     times, places, speed = np.arange(120) * 1e-5, np.arange(10) * 0.02, 200.0
     pulses = np.exp(-(((times[:, None] - 1e-4 - places / speed) / 3e-5) ** 2))
@@ -399,7 +445,7 @@ def test_commands_adopt_dumps_and_say_what_needs_a_scene(
     assert main(["front", run, "--origin", "3", "--direction", "0"]) in (0, 1)
     assert main(["export", run, "-o", str(tmp_path / "run.csv")]) == 0
     assert main(["adopt", dump, str(tmp_path), "-o", run]) == 2
-    with pytest.raises(RunFolderError, match="holds an unnamed crystal, adopted without a scene, which this needs"):
+    with pytest.raises(RunFolderError, match="holds an unnamed crystal, adopted without the scene that this needs"):
         Record.load(run)
     path = tmp_path / "run/dump.unnamed.bin"
     path.write_bytes(path.read_bytes()[:-1])

@@ -1,17 +1,22 @@
 """How decks of any origin are read: LAMMPS's own flow of commands, files, and what is refused."""
 
+import signal
+import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from granular_lmp.cli.entry import main
 from granular_lmp.errors import DeckError
-from granular_lmp.foreign import interpreter
+from granular_lmp.foreign import apart, interpreter
 from granular_lmp.foreign.apart import read_apart
 from granular_lmp.foreign.interpreter import lines_of, split
 from granular_lmp.foreign.lint import lint
+from granular_lmp.foreign.outside import outside_of
 from granular_lmp.foreign.reading import Reading, read
+from granular_lmp.foreign.vibrations import contacts_of
 from tests.foreign.decks import CHAIN, SHEET
 
 BEGIN = """units lj
@@ -170,6 +175,20 @@ def test_the_longest_step_of_all_long_runs_is_judged(tmp_path: Path) -> None:
     assert str(finding.command) == "timestep 3.0e-6"
 
 
+@pytest.mark.parametrize("line", ["dump", "dump 1 all custom", "undump", "dump_modify", "print", "quit"])
+def test_a_line_that_lacks_words_and_is_not_executed_stops_nothing(line: str, tmp_path: Path) -> None:
+    reading = of(tmp_path, SHEET.replace("run 2000", f"run 100\n{line}\nrun 100"))
+    assert not reading.stopped
+    assert not lint(reading)
+    assert not outside_of(reading).others
+
+
+def test_a_negative_stiffness_is_not_judged(tmp_path: Path) -> None:
+    reading = of(tmp_path, SHEET.replace("mindlin NULL 0.0 1.0", "mindlin -1 0.0 1.0"))
+    assert contacts_of(reading) is None
+    assert not lint(reading)
+
+
 def test_only_the_first_step_of_a_long_run_is_computed(tmp_path: Path) -> None:
     reading = of(tmp_path, SHEET.replace("run 2000", "run 1\nrun 100000000\ntimestep 1.0\nrun 0"))
     assert [(stage.steps, stage.exact) for stage in reading.stages] == [(1, True), (100000000, True), (0, False)]
@@ -181,8 +200,38 @@ def test_a_deck_that_brings_lammps_down_is_told_by_its_name(tmp_path: Path, monk
     (tmp_path / "in.deck").write_text(CHAIN)
     assert len(read_apart(tmp_path / "in.deck").stages) == 1
     monkeypatch.setattr(sys, "executable", "/bin/false")
-    with pytest.raises(DeckError, match="in.deck: LAMMPS died"):
+    with pytest.raises(DeckError, match="in.deck: LAMMPS died at the deck: 1"):
         read_apart(tmp_path / "in.deck")
+
+
+@pytest.mark.parametrize(
+    ("end", "said"),
+    [
+        (-signal.SIGSEGV, "LAMMPS died at 'in.deck:3: units si': Segmentation fault"),
+        (-signal.SIGXCPU, "LAMMPS did not finish 'in.deck:3: units si' in 300 s"),
+        (None, "LAMMPS did not finish 'in.deck:3: units si' in 300 s"),
+    ],
+)
+def test_a_command_at_which_lammps_ends_or_hangs_is_told(
+    end: int | None, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(command: list[str], **options: Any) -> Any:
+        """End as a process in which LAMMPS is at the third line."""
+        Path(command[-1]).with_suffix(apart.AT).write_text("in.deck:3: units si")
+        if end is None:
+            raise subprocess.TimeoutExpired(command, options["timeout"])
+        return subprocess.CompletedProcess(command, end, "", "")
+
+    monkeypatch.setattr(subprocess, "run", run)
+    with pytest.raises(DeckError, match=f"in.deck: {said}"):
+        read_apart(tmp_path / "in.deck")
+
+
+def test_the_command_at_which_a_process_is_stands_in_its_file(tmp_path: Path) -> None:
+    told: list[str] = []
+    (tmp_path / "in.deck").write_text(CHAIN)
+    read(tmp_path / "in.deck", tell=lambda command: told.append(str(command)))
+    assert (told[0], told[-1]) == ("units si", "run 5000")
 
 
 def test_the_command_says_what_it_could_not_judge(
@@ -191,8 +240,8 @@ def test_the_command_says_what_it_could_not_judge(
     monkeypatch.chdir(tmp_path)
     Path("in.lj").write_text("units lj\natom_style atomic\npair_style lj/cut 2.5\n")
     assert main(["lint", "in.lj"]) == 0
-    assert "met no run" in (errors := capfd.readouterr().err)
-    assert "no deck of pair_style granular" in errors
+    assert "the deck has no run" in (errors := capfd.readouterr().err)
+    assert "does not use pair_style granular" in errors
     Path("in.bad").write_text("units nothing\n")
     assert main(["lint", "in.bad"]) == 2
     assert "in.bad, line 1: LAMMPS refuses 'units nothing'" in capfd.readouterr().err
@@ -201,7 +250,7 @@ def test_the_command_says_what_it_could_not_judge(
         "\n".join(line for line in lines if not line.startswith(("create_atoms", "set", "velocity")))
     )
     assert main(["lint", "in.empty"]) == 0
-    assert "no sphere was there" in capfd.readouterr().err
+    assert "there were no spheres" in capfd.readouterr().err
     assert main(["lint", "in.none"]) == 2
     assert "no such deck" in capfd.readouterr().err
     Path("in.sheet").write_text(SHEET + "pair_style nothing\n")

@@ -1,11 +1,9 @@
 """``granular-lmp lint``: each fault is found by its check and by no other, and right decks have no warning."""
 
-import re
 from pathlib import Path
 
 import pytest
 
-from granular_lmp.cli.entry import main
 from granular_lmp.foreign.lint import CHECKS, lint
 from granular_lmp.foreign.reading import Reading, read
 from granular_lmp.lammps.installation import lammps_module, of_wheels
@@ -75,8 +73,15 @@ def test_a_shipped_deck_has_no_warning(deck: Path) -> None:
     assert found(reading) == []
 
 
-def test_the_granular_benchmark_of_lammps_has_no_warning() -> None:
-    decks = of_wheels("lammps/share/lammps/bench/in.chute")
+@pytest.mark.parametrize(
+    "name",
+    [
+        "in.chute",
+        *(pytest.param(each, marks=pytest.mark.more) for each in ("in.chute.scaled", "POTENTIALS/in.granular")),
+    ],
+)
+def test_a_granular_benchmark_of_lammps_has_no_warning(name: str) -> None:
+    decks = of_wheels(f"lammps/share/lammps/bench/{name}")
     if not decks:
         pytest.skip("this LAMMPS comes without its benchmarks")
     reading = read(decks[0])
@@ -91,23 +96,3 @@ def test_nothing_is_written_beside_the_deck(folder: Path) -> None:
     before = sorted(folder.iterdir())
     assert not read(folder / "in.writing").stopped
     assert sorted(folder.iterdir()) == before
-
-
-PAGE = (ROOT / "docs/your-own-deck.md").read_text(encoding="utf-8")
-
-
-def test_the_example_of_the_page_prints_what_the_page_says(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    deck, printed = (re.search(rf"```{kind}.*?\n(.*?)```", PAGE, re.DOTALL) for kind in ("lammps", "text"))
-    assert deck
-    assert printed
-    monkeypatch.chdir(folder)
-    Path("in.chain").write_text(deck[1])
-    assert main(["lint", "in.chain"]) == 0
-    assert capfd.readouterr().out == printed[1]
-    assert main(["lint", "in.chain", "--strict"]) == 1
-
-
-def test_the_page_names_every_check() -> None:
-    assert {check.name for check in CHECKS} == set(re.findall(r"`([a-z-]+-[a-z]+|discs)`", PAGE.partition("| of |")[2]))

@@ -313,7 +313,7 @@ def test_two_scenes_with_a_tolerance_do_not_share_a_folder(small: Scene, tmp_pat
     scene = small.with_values({"time.tolerance": 1e-3})
     with locked(tmp_path / "run", make=True):
         for each in (scene, small):
-            with pytest.raises(RunFolderError, match="another run is at work there"):
+            with pytest.raises(RunFolderError, match="another run is in progress there"):
                 run_any(each, tmp_path / "run", force=True)
     assert list((tmp_path / "run").iterdir()) == []
 
@@ -506,7 +506,7 @@ def test_no_command_writes_into_the_folder_of_a_run_at_work(
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     with locked(folder):
         assert main([*command.split(), "-o", str(folder), "--force"]) == 2
-    assert "another run is at work there" in capsys.readouterr().err
+    assert "another run is in progress there" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 

@@ -72,7 +72,7 @@ def test_a_wrong_signal_has_a_large_error() -> None:
 
 
 def test_another_shear_law_is_not_the_reference() -> None:
-    # p of the incremental law is 1.9 times as large at ξ = 0.802 (docs/choosing-a-shear-law.md)
+    # p of the incremental law is 1.9 times as large at ξ = 0.802 (docs/contact-laws.md)
     assert errors(base_scene(), *exact(base_scene(), "incremental"))[0] > 0.8
 
 

@@ -74,10 +74,8 @@ PAGES_OF_PYTHON = [
     "docs/network.md",
     "docs/gpu.md",
     "docs/imperfect.md",
-    "docs/layers.md",
     "docs/impacts.md",
     "analysis/cases/solitary/README.md",
-    "docs/strongly-nonlinear.md",
     "docs/mixing.md",
     "docs/collisions.md",
     "docs/crystals.md",
@@ -86,7 +84,7 @@ PAGES_OF_PYTHON = [
 ]
 
 
-MORE = ["docs/how-to.md", "docs/sweeps.md", "docs/experiments.md", "docs/impacts.md", "docs/layers.md"]
+MORE = ["docs/how-to.md", "docs/sweeps.md", "docs/experiments.md", "docs/impacts.md"]
 MORE += ["docs/gallery.md", "docs/gpu.md", "docs/collisions.md", "analysis/cases/solitary/README.md"]
 PAGE = "```python\nimport granular_analysis\nx = 1\n```\n\n```console\nfalse\n```\n\n```python\n{}\n```\n"
 LINES = {"right": "assert x == 1", "wrong": "assert x == 2", "gone": "import os; os._exit(0)"}

@@ -12,6 +12,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 from granular_lmp import __version__
+from granular_lmp.cli.parser import parsers
 from hatch_build import PLACES, Links, readable
 
 ROOT = Path(__file__).parents[2]
@@ -49,6 +50,32 @@ def test_the_metadata_of_the_software_are_those_of_the_package() -> None:
     assert set(said["softwareRequirements"]) <= {Requirement(each).name for each in PROJECT["dependencies"]}
 
 
+@pytest.mark.parametrize("name", ["CITATION.cff", "codemeta.json", "recipe/meta.yaml", "mkdocs.yml"])
+def test_the_package_is_described_in_the_same_words_everywhere(name: str) -> None:
+    assert PROJECT["description"] in " ".join((ROOT / name).read_text("utf-8").split())
+
+
+def test_the_title_of_the_package_is_one_everywhere() -> None:
+    title = PROJECT["description"].partition(":")[0]
+    assert field(cited(), "title") == f"granular-lmp: {title.lower()}"
+    assert f"granular-lmp: {title.lower()}" in (ROOT / "paper" / "paper.md").read_text("utf-8")
+    assert (ROOT / "README.md").read_text("utf-8").startswith(f"# granular-lmp\n\n{title}.")
+    assert (ROOT / "docs" / "index.md").read_text("utf-8").startswith(f"# {title}\n")
+    assert parsers()[0].description == f"{PROJECT['description']}."
+
+
+def test_each_python_that_is_tested_has_its_classifier() -> None:
+    workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8")
+    tested = [re.findall(r'"([\d.]+)"', line) for line in re.findall(r"python: \[(.+)\]", workflow)]
+    classified = re.findall(r"Python :: (3\.\d+)\b", "\n".join(PROJECT["classifiers"]))
+    assert len(tested) == 2  # from the checkout, and from the packages
+    assert all(versions == classified for versions in tested)
+    assert PROJECT["requires-python"] == f">={classified[0]}"
+    others = re.findall(r'python-version: "(.+)"', workflow)
+    assert others
+    assert set(others) <= set(classified)
+
+
 @pytest.mark.parametrize("address", ["", "https://example.org/owner/name"])
 def test_the_readme_of_a_package_has_links_that_lead_somewhere(address: str) -> None:
     text = "[LAMMPS](https://www.lammps.org), [here](#install), [errata](docs/errata.md).\n![A wave](figures/a.png)\n"
@@ -83,9 +110,10 @@ def test_a_placeholder_is_no_doi() -> None:
     assert not DOI.fullmatch("10.5281")
 
 
-def test_the_newest_section_of_the_changelog_is_unreleased_or_this_version() -> None:
-    sections = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
-    assert sections[0].strip("[],") in ("Unreleased", __version__)
+def test_the_newest_section_of_the_changelog_is_this_version_and_short() -> None:
+    newest = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.MULTILINE)[1]
+    assert re.match(rf"Unreleased\n|{re.escape(__version__)} \(\d{{4}}-\d\d-\d\d\)\n", newest)
+    assert len(newest.splitlines()) <= 60
 
 
 # ---------------------------------------------------------------- the recipe
@@ -180,6 +208,12 @@ def test_the_commands_of_the_checklist_are_there() -> None:
 def test_a_command_that_is_not_there_is_found() -> None:
     page = "$ make release\n$ .ci/deploy\n$ upload dist\n$ make paper\n   $ .ci/run\n"
     assert unknown_commands(page) == ["make release", ".ci/deploy", "upload dist"]
+
+
+def test_the_hooks_of_a_commit_check_what_the_tests_check() -> None:
+    hooks = re.findall(r"entry: \.venv/bin/(.+)", (ROOT / ".pre-commit-config.yaml").read_text("utf-8"))
+    made = re.findall(r"^\t\$\(BIN\)/((?:ruff|mypy)\b.*)", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+    assert [hook.removesuffix(" --force-exclude") for hook in hooks] == [check.removesuffix(" .") for check in made]
 
 
 def test_what_continuous_integration_makes_is_a_target() -> None:

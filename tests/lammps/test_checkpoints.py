@@ -95,7 +95,7 @@ def minutes(cell: str) -> list[float]:
 def test_the_minutes_of_the_page_are_those_of_the_bounds() -> None:
     lines = (Path(__file__).parents[2] / "docs/how-long.md").read_text("utf-8").splitlines()
     rows = [line.strip("| ").split(" | ") for line in lines if line.startswith("| 1e")]
-    assert len(rows) == 5
+    assert len(rows) == 2
     for spheres, steps, both, *times in rows:
         assert float(spheres) * float(steps) == float(both)
         loop = forecast(0.0, float(both) / SPEED / 60)

@@ -215,7 +215,11 @@ def test_lammps_ends_with_status_1_where_the_self_contained_deck_refuses(tmp_pat
     [
         ("tr_resonant/in.tr_resonant", "duration=3", ""),
         ("tr_resonant/in.tr_resonant", "duration=3 amplitude=2.0", "v_open is above 0: contacts opened or formed"),
-        ("tr_resonant/in.tr_resonant", "duration=3 friction=0.01", "v_slip is above 0.9305: contacts may have slid"),
+        (
+            "tr_resonant/in.tr_resonant",
+            "duration=3 friction=0.01",
+            "v_slip is above 0.9305: contacts may slide in reality",
+        ),
         ("impacts/solitary_chain/in.solitary_chain", "duration=5", ""),
         ("impacts/solitary_chain/in.solitary_chain", "duration=5 timestep=0.5", "v_omega_dt, the step times"),
         ("in.plane_wave", "duration=3 rows=41", ""),

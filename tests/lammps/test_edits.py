@@ -29,10 +29,10 @@ def test_the_places_of_a_deck_are_its_headings(small: Scene) -> None:
 @pytest.mark.parametrize("place", PLACES)
 def test_lines_stand_before_and_after_the_block_and_nothing_else_changes(place: str, small: Scene) -> None:
     deck = build(small)
-    edited = deck.edited(before={place: "# mine, first"}, after={place: "# mine,\n# last"})
-    assert edited.edits() == ["+ # mine, first", "+ # mine,", "+ # last"]
+    edited = deck.edited(before={place: "log mine.first"}, after={place: "log mine\nlog mine.last"})
+    assert edited.edits() == ["+ log mine.first", "+ log mine", "+ log mine.last"]
     lines = edited.input_text.splitlines()
-    first, last = lines.index("# mine, first"), lines.index("# last")
+    first, last = lines.index("log mine.first"), lines.index("log mine.last")
     assert re.match(rf"# --- {place}|{place} \$", lines[first + 1])
     inside = [name for name in PLACES if any(line.startswith(f"# --- {name}") for line in lines[first:last])]
     assert inside in ([place], [])
@@ -52,6 +52,17 @@ def test_a_deck_that_was_not_edited_has_no_edits(small: Scene) -> None:
     assert differing_lines("a\nb", "a\nc") == ["- b", "+ c"]
 
 
+def test_a_deck_with_other_comments_has_no_edits(small: Scene) -> None:
+    deck = build(small)
+    text = re.sub("#(?= ).*", "# said otherwise", deck.input_text)
+    assert text != deck.input_text
+    assert not replace(deck, input_text=text).edits()
+    assert replace(deck, input_text=text.replace("dimension    2", "dimension    3  # said otherwise")).edits() == [
+        "- dimension    2",
+        "+ dimension    3",
+    ]
+
+
 def test_asking_for_the_edits_builds_no_lattice(small: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     deck = build(small)
     monkeypatch.setattr("granular_lmp.lammps.start.initial_fields", None)
@@ -65,7 +76,8 @@ def test_a_run_of_an_edited_deck_is_another_run_and_says_so(small: Scene, tmp_pa
     assert "edited" not in plain.info
     assert pushed.info["edited"] == [f"+ {PUSH}"]
     assert any(
-        "its deck was edited, which no theory knows of; lines that differ: 1" in note for note in compare(pushed).notes
+        "its deck was edited, and no theory includes the edits; lines that differ: 1" in note
+        for note in compare(pushed).notes
     )
     assert not any("edited" in note for note in compare(plain).notes)
 
@@ -82,5 +94,5 @@ def test_a_run_of_other_spheres_says_so(small: Scene, tmp_path: Path) -> None:
 def test_an_edited_run_is_not_resumed_without_its_edits(small: Scene, tmp_path: Path) -> None:
     record = run(build(small).edited(after={"motion": PUSH}), tmp_path / "run")
     write_status(tmp_path / "run", record.info | {"status": "interrupted"})
-    with pytest.raises(RunFolderError, match="its deck was edited, which resume does not know of"):
+    with pytest.raises(RunFolderError, match="its deck was edited, and resume cannot repeat the edits"):
         resume(tmp_path / "run")

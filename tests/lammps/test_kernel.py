@@ -409,7 +409,7 @@ def test_a_run_of_another_kernel_is_not_continued(stop: Callable[..., None], tmp
     stop(short("tr_periodic", **{"time.duration": 200.0}), tmp_path / "cut", kernel=True)
     status = read_status(tmp_path / "cut")
     write_status(tmp_path / "cut", status | {"kernel": status["kernel"] | {"source_sha256": "another"}})
-    with pytest.raises(RunFolderError, match="ran with another kernel or LAMMPS than those of now"):
+    with pytest.raises(RunFolderError, match="ran with another kernel or LAMMPS than the present ones"):
         resume(tmp_path / "cut")
 
 
@@ -440,7 +440,9 @@ def test_a_kernel_that_was_not_built_is_an_error(tmp_path: Path, monkeypatch: py
     with pytest.raises(LammpsMissingError, match="build-kernel"):
         run(short("tr_periodic"), tmp_path / "run", kernel=True)
     late = short("tr_periodic", **{"sphere.adhesion_law": "jkr", "effects.parting": "distance"})
-    with pytest.raises(LammpsMissingError, match=r"parting = .* only the kernel has it: there is no .* build-kernel"):
+    with pytest.raises(
+        LammpsMissingError, match=r"parting = .* only the kernel supports it: there is no .* build-kernel"
+    ):
         run(late, tmp_path / "run")
 
 
@@ -477,16 +479,16 @@ def linked(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (
             lambda place, _: place.write_bytes(place.read_bytes()[:5000]),
-            "kernelplugin.so: is cut off or damaged; delete it, and",
+            "kernelplugin.so: is truncated or damaged; delete it, and",
         ),
-        (lambda place, _: place.write_bytes(b""), "kernelplugin.so: is cut off or damaged; delete it, and"),
-        (lambda place, _: place.write_bytes(place.read_bytes().replace(b"dmt", b"tmd")), "is cut off or damaged"),
-        (lambda place, _: place.chmod(0o757), r"kernelplugin.so: may be written by others: must not \(chmod go-w\)"),
-        (lambda place, _: place.parent.chmod(0o777), r"lammps-[^/]*: may be written by others"),
-        (lambda place, _: place.parents[1].chmod(0o777), r"granular-lmp: may be written by others"),
-        (give_away, "kernelplugin.so: belongs to user .*: must be of user .* or of root"),
-        (lambda place, patch: give_away(place.parent, patch), "belongs to user .*: must be of user .* or of root"),
-        (linked, "kernelplugin.so: must be a file, and no link"),
+        (lambda place, _: place.write_bytes(b""), "kernelplugin.so: is truncated or damaged; delete it, and"),
+        (lambda place, _: place.write_bytes(place.read_bytes().replace(b"dmt", b"tmd")), "is truncated or damaged"),
+        (lambda place, _: place.chmod(0o757), r"kernelplugin.so: is writable by others: must not be \(chmod go-w\)"),
+        (lambda place, _: place.parent.chmod(0o777), r"lammps-[^/]*: is writable by others"),
+        (lambda place, _: place.parents[1].chmod(0o777), r"granular-lmp: is writable by others"),
+        (give_away, "kernelplugin.so: belongs to user .*: must belong to user .* or to root"),
+        (lambda place, patch: give_away(place.parent, patch), "belongs to user .*: must belong to user .* or to root"),
+        (linked, "kernelplugin.so: must be a file, not a link"),
     ],
 )
 def test_a_kernel_that_is_damaged_or_of_others_is_not_loaded(
@@ -569,7 +571,7 @@ def test_the_commands_build_it_and_take_it(tmp_path: Path, capsys: pytest.Captur
     assert "kernel" not in capsys.readouterr().err
 
 
-TAKEN = "note: the kernel computes the contacts that it knows; --no-kernel turns it off"
+TAKEN = "note: the kernel computes the contacts that it supports; --no-kernel turns it off"
 ROLLING = ["--set", "effects.rolling_stiffness=1.0", "--set", "effects.rolling_friction=0.1"]
 
 
@@ -578,9 +580,9 @@ def test_what_it_does_not_know_runs_without_it_unless_it_is_demanded(
 ) -> None:
     command = ["run", "tr_damped", "--set", "time.duration=5", *ROLLING, "-o", str(tmp_path / "run")]
     assert main([*command, "--kernel"]) == 2
-    assert "--kernel: the kernel does not know the contact 'dmt" in capsys.readouterr().err
+    assert "--kernel: the kernel does not support the contact 'dmt" in capsys.readouterr().err
     assert main(command) == 0
-    assert "note: LAMMPS computes the contacts: the kernel does not know the contact 'dmt" in capsys.readouterr().err
+    assert "note: LAMMPS computes the contacts: the kernel does not support the contact 'dmt" in capsys.readouterr().err
     assert "kernel" not in read_status(tmp_path / "run")
 
 
@@ -614,8 +616,8 @@ def test_a_sweep_without_a_kernel_is_refused_at_once(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), " of LAMMPS's loop in a short run just now; about "),
-        (ROLLING, "none: the kernel does not know the contact"),
+        ((), " of the time of the LAMMPS loop in a short run just now; about "),
+        (ROLLING, "none: the kernel does not support the contact"),
     ],
 )
 def test_check_says_what_it_saves(words: Sequence[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -628,10 +630,10 @@ def test_doctor_says_whether_there_is_one(
 ) -> None:
     monkeypatch.setattr("granular_lmp.doctor.frequency_error", lambda: 0.0)  # the self-test: tests/cli
     main(["doctor"])
-    assert f"kernel       {built}: it took " in capsys.readouterr().out
+    assert f"kernel       {built}: in tr_periodic it just took " in capsys.readouterr().out
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     main(["doctor"])
-    assert "kernel       none, with it LAMMPS's loop takes about half the time" in capsys.readouterr().out
+    assert "kernel       none; with it the LAMMPS loop takes about half the time" in capsys.readouterr().out
 
 
 def test_cost_takes_it_and_keeps_its_runs_apart(small: Scene, tmp_path: Path) -> None:
@@ -677,7 +679,7 @@ def test_bodies_that_part_late_lose_the_energy_of_the_closed_form(share: float, 
 @pytest.mark.parametrize(
     ("values", "named"),
     [
-        ({}, 'effects.parting = "distance": only the kernel has it; run it without kernel=False'),
+        ({}, 'effects.parting = "distance": only the kernel supports it; run it without kernel=False'),
         ({"sphere.adhesion_law": "dmt"}, 'needs sphere.adhesion_law = "jkr"'),
         ({"effects.rolling_stiffness": 1.0, "effects.rolling_friction": 0.1}, "effects.rolling, which the kernel"),
         ({"disorder.radius": 1e-5}, "is not built for unequal or missing spheres"),

@@ -333,7 +333,7 @@ def test_a_tolerance_holds_for_monitors(tmp_path: Path, capsys: pytest.CaptureFi
     np.testing.assert_array_equal(mine.table[:, :2], theirs.table[:, :2])
     worst = max(estimates, key=estimates.__getitem__)
     assert (
-        f"of all other signals at most {estimates[worst]:.1e}, in {worst} (tolerance 0.01)" in capsys.readouterr().out
+        f"for all other signals at most {estimates[worst]:.1e}, in {worst} (tolerance 0.01)" in capsys.readouterr().out
     )
     export(answer, tmp_path / "behind.csv", monitor="behind")
     flux = np.loadtxt(tmp_path / "behind.csv", delimiter=",", skiprows=1)[:, 2]

@@ -20,7 +20,7 @@ from tests.conftest import kernel_lacks, members
 from tests.instance import run_deck
 from tests.pause import as_if_killed
 
-# Of the largest displacement, or velocity: what docs/promises.md says
+# Of the largest displacement, or velocity: what docs/how-long.md says
 CHANGE = 1e-9
 USUAL = {"packing.rows": "auto", "packing.ends": "fixed", "time.duration": 50.0, "time.timestep": 1 / 6}
 STRIP = Scene.load("tr_nonresonant").with_values(USUAL)
@@ -152,7 +152,9 @@ def test_a_run_that_began_with_other_guards_is_not_continued(stop: Callable[...,
     as_if_killed(tmp_path / "cut")
     deck = tmp_path / "cut" / "in.tr_nonresonant"
     deck.write_text(deck.read_text().replace(" v_tau f_", " v_tau v_next f_"))
-    with pytest.raises(RunFolderError, match="was begun by a version with other guards; run it again with force=True"):
+    with pytest.raises(
+        RunFolderError, match="was started by a version with other guards; run it again with force=True"
+    ):
         resume(tmp_path / "cut")
 
 

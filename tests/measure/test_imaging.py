@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granular_analysis.measure.traces import Traces
 from granular_analysis.theory.imaging import NEAR
 from granular_analysis.tools import image
 from granular_analysis.tools.image import QUANTITIES
@@ -71,11 +72,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def traces(folder: Path) -> "imaging.Traces":
-    return imaging.Traces.read(folder)
+def traces(folder: Path) -> Traces:
+    return Traces.read(folder)
 
 
-def of_rim(traces: "imaging.Traces", noise: float) -> "imaging.Sought":
+def of_rim(traces: Traces, noise: float) -> "imaging.Sought":
     """Return what is sought by the spheres of the rim, with noise; the others measure nothing."""
     rng = np.random.default_rng(1)
     keep = [place in RIM for place in zip(traces.row.tolist(), traces.column.tolist(), strict=True)]
@@ -94,7 +95,7 @@ def soft_contacts(sought: "imaging.Sought") -> np.ndarray:
 
 
 def test_a_soft_patch_is_imaged_above_the_noise_by_a_record_of_lammps_at_another_step(
-    traces: "imaging.Traces",
+    traces: Traces,
 ) -> None:
     sought = of_rim(traces, NOISE)
     found = sought.image()
@@ -112,7 +113,7 @@ def test_a_soft_patch_is_imaged_above_the_noise_by_a_record_of_lammps_at_another
 
 
 @pytest.mark.parametrize("of", members(QUANTITIES, *QUANTITIES[1:]))  # each compiles for seconds
-def test_the_kernels_of_weak_waves_give_the_adjoint_gradient(traces: "imaging.Traces", of: str) -> None:
+def test_the_kernels_of_weak_waves_give_the_adjoint_gradient(traces: Traces, of: str) -> None:
     """The wave is 1e-2 of the overlaps at rest."""
     sought = imaging.Sought(of_rim(traces, NOISE).shots, of)
     (shot,) = sought.shots
@@ -124,7 +125,7 @@ def test_the_kernels_of_weak_waves_give_the_adjoint_gradient(traces: "imaging.Tr
     np.testing.assert_allclose(expected, slope, rtol=0, atol=1e-2 * abs(slope).max())
 
 
-def test_the_gradient_of_chi_squared_is_its_difference(traces: "imaging.Traces") -> None:
+def test_the_gradient_of_chi_squared_is_its_difference(traces: Traces) -> None:
     sought = of_rim(traces, NOISE)
     rng = np.random.default_rng(2)
     values, way = 1 + 0.1 * rng.normal(size=len(sought.owners)), rng.normal(size=len(sought.owners))
@@ -134,7 +135,7 @@ def test_the_gradient_of_chi_squared_is_its_difference(traces: "imaging.Traces")
 
 
 @pytest.mark.more  # it takes as long as the image above
-def test_exact_records_of_all_spheres_give_every_contact_back(traces: "imaging.Traces") -> None:
+def test_exact_records_of_all_spheres_give_every_contact_back(traces: Traces) -> None:
     shot = imaging.Shot.of(traces, scene(), 2e-3)
     sought = imaging.Sought([shot], "contact.normal_stiffness")
     truth = np.where(soft_contacts(sought), FACTOR, 1.0)
@@ -146,7 +147,7 @@ def test_exact_records_of_all_spheres_give_every_contact_back(traces: "imaging.T
 
 def test_a_run_folder_and_its_exported_table_are_one_record(folder: Path, tmp_path: Path) -> None:
     export(Record.load(folder), tmp_path / "all.csv", monitor="all")
-    one, other = (imaging.Shot.of(imaging.Traces.read(each), scene()) for each in (folder, tmp_path / "all.csv"))
+    one, other = (imaging.Shot.of(Traces.read(each), scene()) for each in (folder, tmp_path / "all.csv"))
     order = np.lexsort((one.run.spheres,)), np.lexsort((other.run.spheres,))
     assert (one.run.step, one.run.every, one.run.samples) == (other.run.step, other.run.every, other.run.samples)
     for name in ("measured", "errors"):
@@ -157,23 +158,45 @@ def test_a_run_folder_and_its_exported_table_are_one_record(folder: Path, tmp_pa
 
 
 TABLE = [f"{10 * n},0,{column},{n * column}" for n in range(4) for column in (1, 2)]
+SPELLINGS = {
+    "decimal commas": "t (ns);row;column;u (nm)\n" + "\n".join(TABLE).replace(",", ";").replace(";1;", ";1;0,0"),
+    "gaps": "t_ns,row,column,u_nm\n" + "\n".join([*TABLE, "40,0,1,nan", "50,0,1,"]),
+    "words": "time_ns,row,column,displacement_x_nm,rotation_deg\n" + "\n".join(f"{line},1" for line in TABLE),
+    "before the start": "t_ns,row,column,u_nm\n-10,0,1,5\n-10,0,2,5\n" + "\n".join(TABLE),
+}
+
+
+@pytest.mark.parametrize("name", SPELLINGS)
+def test_a_table_of_traces_is_read_as_a_person_reads_it(name: str, tmp_path: Path) -> None:
+    (tmp_path / "trace.csv").write_text(SPELLINGS[name])
+    found = Traces.read(tmp_path / "trace.csv")
+    begun = np.flatnonzero(found.time == 0)[0]
+    factor = np.array([0.01, 1.0]) if name == "decimal commas" else 1.0
+    values = 1e-9 * factor * np.outer(range(4), (1, 2))
+    np.testing.assert_allclose(found.motion["displacement_x"][begun : begun + 4], values, rtol=1e-12, atol=0)
+    assert found.column.tolist() == [1, 2]
 
 
 @pytest.mark.parametrize(
     ("head", "lines", "message"),
     [
-        ("t_ns,row,column,u_kg", TABLE, "column 'u_kg': the unit must be one of u_m, u_mm, u_nm, u_um"),
+        ("t_ns,row,column,u_kg", TABLE, "column 'u_kg': the unit must be one of displacement_x_m"),
         ("t_ns,row,column,height_m", TABLE, "column 'height_m' is unknown"),
         ("t_ns,row,u_m,column", [line + ",0" for line in TABLE], "cells under 4 heads"),
-        ("t_ns,row,u_m,v_m", TABLE, "has no column column; must have t_UNIT, row and column"),
-        ("t_ns,row,column,theta_rad", TABLE, "has no measured motion"),
+        ("t_ns,row,u_m,v_m", TABLE, "two lines are of one sphere at one time"),
+        ("t_ns,row,column,theta_rad", TABLE, "holds no displacement_x, displacement_y"),
+        ("t_ns,row,column,u_nm", [TABLE[0].replace("1,0", "1,one"), *TABLE[1:]], "must be a finite number"),
         ("t_ns,row,column,u_nm", TABLE + TABLE[:1], "two lines are of one sphere at one time"),
         ("t_ns,row,column,u_nm", TABLE[:4], "at least 4 times with equal steps"),
         ("t_ns,row,column,u_nm", [*TABLE, "35,0,1,0"], "at least 4 times with equal steps"),
-        ("t_ns,row,column,u_nm", ["0,0.5,1,0", *TABLE], "row must be a whole number everywhere"),
-        ("t_ns,row,column,u_nm", [line.replace(",0,2,", ",30,2,") for line in TABLE], "the scene has no sphere there"),
-        ("t_ns,row,column,u_nm", [f"{n},0,1," for n in range(5)], "without a number"),
-        ("t_ns,row,column,w_nm", TABLE, "has w, and the spheres of the scene stay in a plane"),
+        ("t_ns,row,column,u_nm", ["0,0.5,1,0", *TABLE], "row = '0.5': must be a row, counted from 0"),
+        (
+            "t_ns,row,column,u_nm",
+            [line.replace(",0,2,", ",30,2,") for line in TABLE],
+            "row 30, column 2, layer 0: no sphere",
+        ),
+        ("t_ns,row,column,u_nm", [f"{n},0,1," for n in range(5)], "holds no displacement_x"),
+        ("t_ns,row,column,w_nm", TABLE, "has displacement_z, and the spheres of the scene stay in a plane"),
     ],
 )
 def test_tables_that_cannot_be_understood_are_refused(
@@ -181,7 +204,7 @@ def test_tables_that_cannot_be_understood_are_refused(
 ) -> None:
     (tmp_path / "trace.csv").write_text("\n".join([head, *lines]))
     with pytest.raises((GranularError, ValueError), match=message):
-        imaging.Shot.of(imaging.Traces.read(tmp_path / "trace.csv"), scene())
+        imaging.Shot.of(Traces.read(tmp_path / "trace.csv"), scene())
 
 
 def test_a_table_at_other_times_is_met_by_a_spline(tmp_path: Path) -> None:
@@ -190,7 +213,7 @@ def test_a_table_at_other_times_is_met_by_a_spline(tmp_path: Path) -> None:
     times = (0.3 + np.arange(120)) * 0.15 * t0
     lines = [f"{1e9 * t!r},0,3,{float(np.sin(t / t0))!r}" for t in times.tolist()]
     (tmp_path / "late.csv").write_text("\n".join(["time (ns),row,column,velocity_y_mm/s", *lines]))
-    shot = imaging.Shot.of(imaging.Traces.read(tmp_path / "late.csv"), scene(), 0.1)
+    shot = imaging.Shot.of(Traces.read(tmp_path / "late.csv"), scene(), 0.1)
     at = np.arange(shot.run.samples + 1) * shot.run.step * shot.run.every / shot.first.time
     rows = np.flatnonzero(np.isfinite(shot.errors).any(axis=(0, 2)))
     assert rows.tolist() == [4]  # the velocity along y
@@ -201,11 +224,31 @@ def test_a_table_at_other_times_is_met_by_a_spline(tmp_path: Path) -> None:
     np.testing.assert_allclose(shot.measured[1:, 4, 0] / unit, np.sin(at[1:]), atol=2e-5)
 
 
+def test_a_gap_takes_no_more_of_a_trace_than_what_lies_beside_it(tmp_path: Path) -> None:
+    t0 = scene().sphere.time_scale
+    times = (0.3 + np.arange(120)) * 0.15
+    lines = [f"{1e9 * t * t0!r},0,{column},{float(np.sin(t))!r}" for t in times.tolist() for column in (3, 5)]
+    del lines[2 * 60]
+    (tmp_path / "gap.csv").write_text("\n".join(["time (ns),row,column,velocity_y_mm/s", *lines]))
+    found = Traces.read(tmp_path / "gap.csv")
+    grid = (times[:-1] + 0.05) * t0
+    gapped, whole = found.at(grid)["velocity_y"].T
+    assert np.flatnonzero(np.isnan(gapped)).tolist() == [59, 60]
+    assert not np.isnan(whole).any()
+    # Ends of a spline are ten times less exact than what lies inside
+    np.testing.assert_allclose(
+        gapped[np.isfinite(gapped)], 1e-3 * np.delete(np.sin(times[:-1] + 0.05), [59, 60]), atol=2e-8
+    )
+    shot = imaging.Shot.of(found, scene(), 0.1)
+    known = np.isfinite(shot.errors[:, 4])
+    assert known.sum(axis=0).tolist() == [known.shape[0] - 1 - 2, known.shape[0] - 1]
+
+
 def test_all_that_the_command_offers_is_known() -> None:
     assert tuple(imaging.OF) == QUANTITIES
 
 
-def test_what_an_image_is_not_made_of_is_refused(traces: "imaging.Traces") -> None:
+def test_what_an_image_is_not_made_of_is_refused(traces: Traces) -> None:
     rim = of_rim(traces, NOISE)
     with pytest.raises(ValueError, match="'stiffness': must be one of contact.normal_stiffness"):
         imaging.Sought(rim.shots, "stiffness")
@@ -221,6 +264,15 @@ def test_what_an_image_is_not_made_of_is_refused(traces: "imaging.Traces") -> No
     opened = scene().with_values({"source": pushes(5.0)})
     with pytest.raises(imaging.TheoryError, match=r"contacts opened, first pair \d+; an image needs records without"):
         imaging.Sought([imaging.Shot.of(traces, opened)], rim.of)
+
+
+@pytest.mark.more  # it compiles for seconds
+def test_contacts_that_open_on_the_way_are_named(traces: Traces) -> None:
+    """A push of four fifths of that which opens contacts does so where they adhere by a third."""
+    strong = scene().with_values({"source": pushes(4.0)})
+    sought = imaging.Sought([imaging.Shot.of(traces, strong)], "adhesion")
+    assert sought.trouble(np.ones(len(sought.owners))) == ""
+    assert "contacts opened, first pair" in sought.trouble(np.full(len(sought.owners), 0.3))
 
 
 @pytest.mark.more  # it takes as long as the image above
@@ -243,7 +295,15 @@ def test_the_command_leaves_map_log_and_picture_and_overwrites_none(
     assert {"error", "share_in_place", "width_spheres", "x_m", "y_m"} < rows[0].keys()
     assert (tmp_path / "image" / "log.csv").read_text().startswith("weight,chi2_a_point,penalty,gradients,kinks")
     assert (tmp_path / "image" / "image.png").stat().st_size > 1e4
-    with pytest.raises(SystemExit, match="holds map.csv; give another folder"):
+    made, kept = (tmp_path / "image" / "map.csv").read_bytes(), tmp_path / "image" / "evaluations.bin"
+    kept.write_bytes(kept.read_bytes()[: kept.stat().st_size // 2 - 3])
+    (tmp_path / "image" / "map.csv").unlink()
+    image.main(words)  # continues what was stopped
+    assert (tmp_path / "image" / "map.csv").read_bytes() == made
+    with pytest.raises(SystemExit, match="holds another search; give its scene and options again"):
+        image.main([*words, "--penalty", "tv"])
+    (tmp_path / "image" / "image.json").unlink()
+    with pytest.raises(SystemExit, match="holds map.csv, which is of no search; give another folder"):
         image.main(words)
 
 

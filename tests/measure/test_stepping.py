@@ -1,5 +1,6 @@
 """A run without LAMMPS's loop: its folder is that of LAMMPS, whatever reads it, and it stops and continues alike."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -121,7 +122,7 @@ def test_what_reads_runs_reads_it(tmp_path: Path, capsys: pytest.CaptureFixture[
     struck = run(scene_of("solitary_chain"), tmp_path / "struck", engine=HERE)
     assert np.ptp(struck.energy()) < 1e-3 * struck.energy()[0]
     assert compare(struck).error["velocity"] < 2e-3
-    assert "the network took the steps of the run too" in compare(struck).notes[0]
+    assert "the network also computed the run" in compare(struck).notes[0]
     run(scene_of("struck_crystal", {"time.duration": 12.0}), tmp_path / "sheet", engine=HERE)
     for folder in ("run", "struck"):
         assert main(["view", str(tmp_path / folder), "-o", str(tmp_path / f"{folder}.png")]) == 0
@@ -148,7 +149,7 @@ def test_a_run_that_is_stopped_continues_to_the_same_bytes(device: str, tmp_path
         stream.write("121 2.0 0.0")
     with pytest.raises(LaunchError, match="continue with: granular-analysis network --resume"):
         resume(tmp_path / "stopped")
-    with pytest.raises(LaunchError, match="is continued there only"):
+    with pytest.raises(LaunchError, match="can only continue there"):
         resume(tmp_path / "stopped", engine=NetworkEngine("another"))
     assert resume(tmp_path / "stopped", engine=by) == whole
     assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")
@@ -255,11 +256,11 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
     assert Sweep.load(swept).scene.time.timestep == 0.1
     assert main(["view", str(swept), "-o", str(tmp_path / "sweep.png")]) == 0
     assert main(["sweep", *words[:3], "--set", "time.timestep=0.1", *over, "-o", str(swept)]) == 2
-    assert "the network (cpu, NumPy) alone continues, not LAMMPS; choose another" in capsys.readouterr().err
+    assert "only the network (cpu, NumPy) can continue, not LAMMPS; choose another" in capsys.readouterr().err
     for device in ("gpu", "jax"):
         with pytest.raises(SystemExit, match=f"--device {device}: needs JAX: pip install"):
             command(*words, "--device", device)
-    with pytest.raises(RunFolderError, match="is there already"):
+    with pytest.raises(RunFolderError, match="exists already"):
         command(*words)
     with pytest.raises(RunFolderError, match="is finished"):
         command("--resume", str(tmp_path / "run"))
@@ -290,3 +291,20 @@ def test_a_run_is_continued_on_its_device(tmp_path: Path, capsys: pytest.Capture
 def test_a_run_of_lammps_is_not_continued_by_the_network() -> None:
     with pytest.raises(LaunchError, match="continue with: granular-lmp resume run"):
         options_of(Path("run"), {"launcher": "module", "ranks": 1}, HERE)
+
+
+def test_what_jax_compiles_is_kept_for_later_runs_unless_the_user_has_said_where(tmp_path: Path) -> None:
+    config = pytest.importorskip("jax").config
+    names = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
+    before = [config.values[name] for name in names]
+    try:
+        NetworkEngine.on("jax")
+        assert [config.values[name] for name in names] == before
+        config.update(names[0], None)
+        NetworkEngine.on("jax")
+        folder, least = (config.values[name] for name in names)
+        assert Path(folder).parent == Path(os.environ["XDG_CACHE_HOME"]) / "granular-analysis"
+        assert least == 0.2
+    finally:
+        for name, value in zip(names, before, strict=True):
+            config.update(name, value)

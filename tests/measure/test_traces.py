@@ -10,7 +10,7 @@ import pytest
 
 from granular_analysis.measure.fitting import Fit
 from granular_analysis.measure.points import Point
-from granular_analysis.measure.traces import Traces
+from granular_analysis.measure.traced_runs import TracedRuns
 from granular_analysis.tools.fit import main
 from granular_lmp import Scene, run
 
@@ -79,6 +79,17 @@ def test_slopes_are_those_of_differences_of_whole_runs() -> None:
     assert np.all(off(1.001 * found, expected) > 1e-4)
 
 
+def test_slopes_next_to_a_bound_are_those_of_one_side() -> None:
+    """Poisson's ratio is at most 1/2."""
+    fit = Fit(SHEET.with_values({NU: 0.4999}), points(), (E, NU, ETA))
+    start = np.array([each.start for each in fit.parameters])
+    found = fit.slopes(start)[:, [1]]
+    assert not fit.remarks
+    one, two, three = (fit.predicted(start - np.array([0.0, far, 0.0])) for far in (0.0, 1e-3, 2e-3))
+    # This difference is of second order, 1e-6 of the slope
+    assert np.all(off(found, (3 * one - 4 * two + three)[:, None] / 2e-3) < 1e-4)
+
+
 @pytest.mark.usefixtures("drawn_once")
 def test_the_command_recovers_keys_and_names_those_that_it_cannot_tell_apart(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -96,7 +107,7 @@ def test_the_command_recovers_keys_and_names_those_that_it_cannot_tell_apart(
     assert main([*words, "--json", str(tmp_path / "fit.json"), "-o", str(tmp_path / "fit.png")]) == 0
     printed, answer = capsys.readouterr().out, json.loads((tmp_path / "fit.json").read_text())
     # The stiffness of a contact goes as E^{2/3} w^{1/3}, and that of all others as no key alone
-    assert f"the data cannot tell apart: {E}, {W}" in printed
+    assert f"the data cannot distinguish: {E}, {W}" in printed
     assert "slopes of traces are differences" not in printed
     assert [line.split()[3] for line in printed.splitlines() if "velocity_y, " in line] == ["2/1", "5/1"]
     found = {name: each["value"] for name, each in answer["keys"].items()}
@@ -110,7 +121,7 @@ def test_the_command_recovers_keys_and_names_those_that_it_cannot_tell_apart(
 def test_a_step_between_records_is_below_the_error_of_the_step() -> None:
     """Halved steps move a trace by the error of the steps, which is of second order; reading between adds nothing."""
     scenes = [SHEET.with_values({"effects.viscosity": 0.0, "time.timestep": 0.1 / 2**n}) for n in range(3)]
-    one, two, three = (Traces(each, points()).predicted(each) for each in scenes)
+    one, two, three = (TracedRuns(each, points()).predicted(each) for each in scenes)
     ratio = np.linalg.norm(one - two) / np.linalg.norm(two - three)
     assert ratio == pytest.approx(4, rel=0.05)  # second order, with terms of the fourth
 
@@ -148,7 +159,8 @@ def test_slopes_where_contacts_open_are_differences_and_said_so() -> None:
     ("changes", "place", "says"),
     [
         ({}, {"row": 6}, "row 6, column 1, layer 0: no sphere"),
-        ({}, {"column": -1}, "a displacement_x needs column, from 0 to 3"),
+        ({}, {"column": -1}, "line 2: a trace needs column, from 0 to 3"),
+        ({}, {"time": -1e-9}, "line 2: time = -1e-09 s: is before the start of the run"),
         ({}, {"kind": "spin_x"}, "spin_x: spheres in the plane have displacement_x, displacement_y, rotation_z"),
         (
             {"source": [{"rows": [2, 2], "motion": "x", "signal": "tone", "frequency": 1.0, "amplitude": 0.01}]},

@@ -3,14 +3,16 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from granular_analysis.cli import main
-from granular_analysis.measure.witness import EXPLAINED, witness
+from granular_analysis.measure.witness import EXPLAINED, network_of, witness
 from granular_analysis.theory.errors import TheoryError
 from granular_lmp.foreign.adopt_dump import Known, adopt_dump
 from granular_lmp.foreign.known import law_of
 from granular_lmp.foreign.laws import Law
+from granular_lmp.foreign.outside import Outside, Wall
 from granular_lmp.runs.unnamed import Unnamed
 from tests.instance import run_deck
 
@@ -72,7 +74,8 @@ def beads(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_witness_of_a_deck_agrees_with_it_to_its_step(beads: Path) -> None:
     found = witness(Unnamed.load(beads / "fine"))
-    assert found.explained
+    assert found.cause == "the step"
+    assert found.reasons == ()
     assert found.parted is None
     assert found.steps == 1000
     assert found.digits == 0
@@ -83,7 +86,7 @@ def test_the_witness_of_a_deck_agrees_with_it_to_its_step(beads: Path) -> None:
 
 def test_a_longer_step_is_named(beads: Path, tmp_path: Path) -> None:
     found = witness(Unnamed.load(made(tmp_path / "beads", step=2e-6) / "fine"))
-    assert found.explained
+    assert (found.cause, found.reasons) == ("the step", ())
     # The error of a step is of second order
     assert found.step == pytest.approx(100 * witness(Unnamed.load(beads / "fine")).step, rel=0.2)
     assert found.error == pytest.approx(found.step, rel=0.05)
@@ -91,7 +94,8 @@ def test_a_longer_step_is_named(beads: Path, tmp_path: Path) -> None:
 
 def test_a_dump_of_six_digits_is_named(beads: Path) -> None:
     found = witness(Unnamed.load(beads / "coarse"))
-    assert found.explained
+    assert found.cause == "the digits of the dump"
+    assert found.reasons == ("the dump holds no spins (omegax, omegay, omegaz); the witness begins without",)
     assert found.digits > 10 * found.step
     assert found.error < EXPLAINED * found.digits
 
@@ -108,13 +112,13 @@ def test_another_law_is_not_explained(other: Law, beads: Path, tmp_path: Path) -
     assert found.error > 1e-3
 
 
-def test_a_force_of_the_deck_is_not_explained_and_named(tmp_path: Path) -> None:
-    start = "velocity first set 0.1 0.02 0\nfix 2 free addforce 5.0 0 0"
-    folder = made(tmp_path / "beads", start=start)
-    found = witness(adopted(folder, "fine", STEEL, 2e-7, acting=["fix 2 free addforce 5.0 0 0"]))
+def test_a_force_of_the_deck_is_not_explained(tmp_path: Path) -> None:
+    folder = made(tmp_path / "beads", start="velocity first set 0.1 0.02 0\nfix 2 free addforce 5.0 0 0")
+    found = witness(Unnamed.load(folder / "fine"))
     assert not found.explained
+    assert found.cause == ""
     assert found.parted is not None
-    assert found.reasons == ("the witness leaves out 'fix 2 free addforce 5.0 0 0'",)
+    assert found.reasons == ()
 
 
 def test_history_that_a_later_dump_has_lost_is_named(beads: Path, tmp_path: Path) -> None:
@@ -161,6 +165,47 @@ def test_a_law_that_the_network_does_not_hold_is_refused(why: str, beads: Path, 
         witness(crystal)
 
 
+FLOOR = Wall(1, -1, -0.01, STEEL)
+OUTSIDE = {
+    "a wall with friction = 0.1 beside spheres with 0.5": {
+        "walls": (Wall(1, -1, -0.01, replace(STEEL, friction=0.1)),)
+    },
+    "a wall of hooke": {"walls": (Wall(1, -1, -0.01, replace(STEEL, normal="hooke")),)},
+    "a wall by JKR": {"walls": (Wall(1, -1, -0.01, replace(STEEL, normal="jkr", gamma=0.1)),)},
+    "touches two opposite walls": {"walls": (FLOOR, replace(FLOOR, side=1, place=0.0099))},
+    "'fix 2 all viscous 1' is not built": {"others": ("fix 2 all viscous 1",)},
+}
+
+
+@pytest.mark.parametrize("why", OUTSIDE)
+def test_what_acts_and_is_not_in_the_network_is_refused(why: str, beads: Path, tmp_path: Path) -> None:
+    (tmp_path / "dump.fine").write_bytes((beads / "dump.fine").read_bytes())
+    crystal = adopted(tmp_path, "fine", STEEL, 2e-7, outside=Outside(**OUTSIDE[why]))  # type: ignore[arg-type]
+    with pytest.raises(TheoryError, match=why):
+        witness(crystal)
+
+
+def test_a_restitution_beside_a_sphere_that_only_rests_is_refused(beads: Path, tmp_path: Path) -> None:
+    """LAMMPS gives it a mass in the dashpot, unless it is frozen."""
+    (tmp_path / "dump.fine").write_bytes((beads / "dump.fine").read_bytes())
+    law = replace(STEEL, damping=0.9, shear_damping=1.0, damping_law="coeff_restitution")
+    network_of(adopted(tmp_path, "fine", law, 2e-7, outside=Outside(held=(10,), frozen=(10,))))
+    with pytest.raises(TheoryError, match="beside sphere 10, which does not move, is not built"):
+        witness(adopted(tmp_path, "fine", law, 2e-7, outside=Outside(held=(10,))))
+
+
+def test_a_held_sphere_that_turns_in_the_deck_is_named(beads: Path, tmp_path: Path) -> None:
+    (tmp_path / "dump.fine").write_bytes((beads / "dump.fine").read_bytes())
+    found = witness(adopted(tmp_path, "fine", STEEL, 2e-7, outside=Outside(held=(9,))))
+    assert found.reasons == ("sphere 9 turns in the deck, which does not move it; the witness does not turn it",)
+
+
+def test_a_step_that_changes_is_refused(beads: Path) -> None:
+    crystal = Unnamed.load(beads / "fine")
+    with pytest.raises(TheoryError, match="a step that changes is not built; it is 2e-07 to 4e-07"):
+        witness(replace(crystal, time=crystal.time + np.maximum(crystal.time - crystal.time[25], 0)))
+
+
 def test_compare_prints_where_deck_and_witness_part(
     beads: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -168,6 +213,7 @@ def test_compare_prints_where_deck_and_witness_part(
     out = capsys.readouterr().out
     assert "11 spheres, 1000 steps of 2e-07 s" in out
     assert "they do not part by 1%" in out
+    assert "the step explains this\n" in out
     assert '"parted": null' in (tmp_path / "found.json").read_text()
     adopt_dump([beads / "dump.fine"], tmp_path / "lawless", Known("si", 2e-7, [0.01], [7780.0]))
     with pytest.raises(SystemExit, match="no contact law is known"):

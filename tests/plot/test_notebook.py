@@ -111,7 +111,7 @@ def test_what_has_no_picture_is_refused() -> None:
 def test_an_error_says_force_in_python_and_as_an_option(
     shown: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(RunFolderError, match=r"is there already; choose another folder or say force=True$"):
+    with pytest.raises(RunFolderError, match=r"exists already; choose another folder or say force=True$"):
         run(shown["scene"], tmp_path)
     assert main(["run", "tr_periodic", "-o", str(tmp_path)]) == 2
     assert capsys.readouterr().err.endswith("choose another folder or say --force\n")

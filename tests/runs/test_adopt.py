@@ -117,7 +117,7 @@ def test_a_log_that_does_not_say_the_variables_asks_for_them(left: Left, tmp_pat
     log = folder / "log.lammps"
     log.write_text("".join(line for line in log.read_text().splitlines(True) if "variables:" not in line))
     assert said_variables(log.read_text()) is None
-    with pytest.raises(RunFolderError, match="does not say its variables, .*wave.amplitude = 0.2"):
+    with pytest.raises(RunFolderError, match="does not print its variables, .*wave.amplitude = 0.2"):
         adopt(folder, tmp_path / "adopted")
     with pytest.raises(RunFolderError, match="begins with p, q = .* D0, but the wave of the scene with"):
         adopt(folder, tmp_path / "adopted", changes={"wave.amplitude": 0.2})
@@ -251,7 +251,7 @@ def test_the_command_says_what_the_log_said(left: Left, tmp_path: Path, capsys: 
     assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted")]) == 0
     said = capsys.readouterr()
     assert "24 spheres, 40 steps, 5 records" in said.out
-    assert "note: amplitude = 0.1, as the log says" in said.err
+    assert "note: amplitude = 0.1, from the log" in said.err
     assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted")]) == 2  # it is there already
     assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted"), "--force"]) == 0
     shutil.rmtree(folder)
@@ -299,7 +299,7 @@ def test_a_strike_is_adopted_to_the_record_of_its_run(struck: Path, tmp_path: Pa
 
 
 def test_a_strike_of_another_scene_is_not_adopted(struck: Path, tmp_path: Path) -> None:
-    with pytest.raises(RunFolderError, match="does not say its variables, .*time.duration = 6.0"):
+    with pytest.raises(RunFolderError, match="does not print its variables, .*time.duration = 6.0"):
         adopt(struck, tmp_path / "run")
     with pytest.raises(RunFolderError, match=r"sphere \[0, 0\] begins with \[0.0, 0.92\d+\] units of velocity"):
         adopt(struck, tmp_path / "run", changes={"striker.1.velocity": 1.1})

@@ -183,11 +183,11 @@ def test_a_file_system_without_locks_keeps_runs_of_this_machine_apart(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(folder_module, "_without_locks", set())
     run(small, folder)
-    risk = "two machines that run in one folder at a time would mix their files"
+    risk = "two machines that run in one folder at the same time would mix their files"
     assert [record.message for record in caplog.records] == [f"{folder}: has no locks ({os.strerror(missing)}): {risk}"]
     with locked(folder) as descriptor:
         assert not os.get_inheritable(descriptor)
-        with pytest.raises(RunFolderError, match="another run is at work there"), locked(folder):
+        with pytest.raises(RunFolderError, match="another run is in progress there"), locked(folder):
             pass
     assert not is_held(folder)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
@@ -214,5 +214,5 @@ def test_build_leaves_nothing_of_a_run(small: Scene, tmp_path: Path, small_toml:
 
 def test_a_sweep_is_resumed_by_its_own_command(small: Scene, tmp_path: Path) -> None:
     sweep(small, {"wave.phase": [0.0]}, tmp_path / "sweep")
-    with pytest.raises(RunFolderError, match="holds a sweep; the same sweep command again does what is missing"):
+    with pytest.raises(RunFolderError, match="holds a sweep; repeat its sweep command to run what is missing"):
         resume(tmp_path / "sweep")

@@ -88,7 +88,7 @@ def test_a_front_that_is_not_there_is_refused(chain: Record, how: dict[str, obje
 
 def test_what_starts_no_front_or_records_one_sphere_is_refused(chain: Record) -> None:
     wave = Record.empty(prepare(Scene.load("tr_periodic")))
-    with pytest.raises(ReadoutError, match=r"its trajectory is of one sphere.*take a \[\[monitor\]\]"):
+    with pytest.raises(ReadoutError, match=r"its trajectory has one sphere.*use a \[\[monitor\]\]"):
         front(wave)
     with pytest.raises(ReadoutError, match="arrived at 1 spheres"):
         _ = front(chain).between(0.0, 2.5 * CHAIN.sphere.radius).speed

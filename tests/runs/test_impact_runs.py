@@ -75,7 +75,7 @@ def test_an_interrupted_run_says_so_and_keeps_what_was_recorded(
         raise KeyboardInterrupt
 
     long = CHAIN.with_values({"time.duration": 1e6, "time.sample": 10.0})
-    said = "interrupted; what was recorded is kept; it has no checkpoint yet, run it again with force=True"
+    said = "interrupted; what was recorded is kept; it has no checkpoint yet; run it again with force=True"
     with pytest.raises(RunInterrupted, match=said):
         run_impact(long, tmp_path / "run", Options(progress=stop))
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "interrupted"
@@ -102,7 +102,7 @@ def test_an_edited_deck_is_run_and_named(tmp_path: Path) -> None:
             'packing.lattice = "hexagonal": must be "chain", with packing.contact',
         ),
         (["modes", "solitary_chain"], "packing.contact_force = 0.0: must be above 0; spheres that just touch"),
-        (["adopt", "<chain>"], "does not say its variables, as decks of waves do; give what differs"),
+        (["adopt", "<chain>"], "does not print its variables, unlike decks of waves; give the values that differ"),
         (["export", "<chain>", "-o", "x.txt"], "x.txt: must end in one of .csv, .nc, .xyz, .extxyz, .h5md, .h5"),
         (
             ["export", "<chain>", "-o", "x.csv", "--monitor", "line"],
@@ -153,9 +153,9 @@ def test_init_writes_an_impact_to_begin_with(tmp_path: Path, capsys: pytest.Capt
     shipped = ImpactScene.load("point_impact")
     assert scene == shipped.with_values({"name": "mine", "description": ""})
     assert "--set time.duration=50.0" in Path(file).read_text()
-    assert "# tolerance = ...              # in place of a timestep" in Path(file).read_text()
+    assert "# tolerance = ...              # in place of timestep" in Path(file).read_text()
     assert main(["init", file, "--from", "point_impact"]) == 2
-    assert "is there already; choose another name" in capsys.readouterr().err
+    assert "exists already; choose another name" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.2])

@@ -118,7 +118,7 @@ def test_a_folder_that_is_there_is_left_alone_unless_forced(small: Scene, tmp_pa
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / "mine.txt").write_text("keep")
-    with pytest.raises(RunFolderError, match="is there already; choose another folder or say force=True"):
+    with pytest.raises(RunFolderError, match="exists already; choose another folder or say force=True"):
         run(small, folder)
     assert [path.name for path in folder.iterdir()] == ["mine.txt"]
     run(small, folder, force=True)

@@ -179,7 +179,7 @@ def test_a_dump_of_something_else_is_refused(seen: Scene, tmp_path: Path) -> Non
     run(seen, tmp_path / "run")
     dump = of_first_format(tmp_path / "run") / "dump.particles"  # which no digest protects
     dump.write_text(dump.read_text().replace("Displacement.X", "c_d"))
-    with pytest.raises(RunFolderError, match="not a dump of our spheres"):
+    with pytest.raises(RunFolderError, match="not a dump of these spheres"):
         Snapshots.load(tmp_path / "run")[0]
     dump.write_text("a\n" * 20)
     assert len(Snapshots.load(tmp_path / "run")) == 0

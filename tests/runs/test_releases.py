@@ -31,9 +31,10 @@ from granular_lmp.studies.sweep_points import scene_hash
 from tests.conftest import members
 
 RELEASES = Path(__file__).parents[1] / "data" / "releases"
-OLD = ["e02a04e", "832ce44"]
+OLD = ["e02a04e", "832ce44"]  # states of release 0.1.0
 RUNS = [f"{release}/{name}" for release in OLD for name in ("run", "tolerance", "sheet")]
-SWEEPS = [*(f"{release}/sweep" for release in OLD), "832ce44/columns", "832ce44/impacts"]
+RUNS += ["0.2.0/run", "0.2.0/tolerance"]
+SWEEPS = [*(f"{release}/sweep" for release in OLD), "832ce44/columns", "832ce44/impacts", "0.2.0/sweep"]
 YOUNGER = RELEASES.parent / "younger_keys.json"
 NAMES: dict[str, dict[str, Any]] = json.loads((RELEASES / "832ce44" / "names.json").read_text(encoding="utf-8"))
 
@@ -52,12 +53,14 @@ def files(folder: Path) -> dict[Path, bytes]:
 
 
 # Of each release a run and of each kind a release
-@pytest.mark.parametrize("there", members(RUNS, "e02a04e/sheet", "e02a04e/tolerance", "832ce44/run"), indirect=True)
+@pytest.mark.parametrize(
+    "there", members(RUNS, "e02a04e/sheet", "e02a04e/tolerance", "832ce44/run", "0.2.0/run"), indirect=True
+)
 def test_an_old_run_is_loaded_compared_viewed_and_exported(
     drawn_once: None, there: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     record = Record.load(there)
-    assert formats.format_of(record.info) == 1
+    assert formats.format_of(record.info) < formats.FORMAT
     # What it does not switch was off
     assert prepare(record.scene).scene == record.scene
     assert not record.scene.effects.rolling

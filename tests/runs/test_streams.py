@@ -170,7 +170,7 @@ def test_a_deleted_working_directory_is_one_line_and_status_2(tmp_path: Path) ->
     for command in ("run tr_periodic", "effects tr_periodic", "doctor", "view run -o x.png"):
         status, _, err = shell(f"mkdir -p gone; cd gone; rmdir ../gone; {GRANULAR} {command}", tmp_path)
         assert status == 2
-        assert err == "granular-lmp: error: the working directory was deleted; change to one that is there\n"
+        assert err == "granular-lmp: error: the working directory was deleted; change to one that exists\n"
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ def test_a_file_with_a_state_is_an_impact(tmp_path: Path, capsys: pytest.Capture
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        (["row,uy_m", "1,1e-6"], "column column: is missing"),
+        (["row,uy_m", "1,1e-6"], "column column: missing"),
         (["row,column", "1,0"], "must have one of the columns ux_m, uy_m, vx_m_s, vy_m_s, spin_rad_s"),
         (["row,column,uy", "1,0,1e-6"], "column 'uy': the unit must be one of uy_m, uy_mm"),
         (["row,column,uy_m,uy_m", "1,0,1,1"], "2 columns hold uy; must be one"),
@@ -124,7 +124,7 @@ def test_a_file_with_a_state_is_an_impact(tmp_path: Path, capsys: pytest.Capture
         (["row,column,uy_m", "1,0,1e-20"], "start.state: velocity = 1.33933e-19: its overlap of 1e-20 m is less than"),
         (["row,column,vy_m_s", "1,0,500"], "start.state: velocity = 500: two spheres would overlap by"),
         (["row,column,vy_m_s", "99,0,1"], "start.state: sphere [99, 0]: must be [row, column]"),
-        (["row,column,vy_m_s", "1,0,0"], "striker: missing; an impact has a table [[striker]], or a [start]"),
+        (["row,column,vy_m_s", "1,0,0"], "striker: missing; an impact needs a table [[striker]], or a [start]"),
         ([], "has no head; must have a line of column, row"),
         (["row,column,uy_m", "1_0,0,1e-6"], "line 2: row = '1_0'"),
     ],
@@ -188,7 +188,7 @@ def test_errors_and_words_name_what_is_fastest_or_presses() -> None:
 def test_a_sphere_is_a_striker_or_in_the_state() -> None:
     both = {"start": {"state": [[0, 0, 0, 0, 0, 0.5, 0]]}}
     with pytest.raises(
-        SceneError, match=re.escape("must be 0 for a sphere of a [[striker]], which has its own velocity")
+        SceneError, match=re.escape("must be 0 for a sphere in a [[striker]], which has its own velocity")
     ):
         prepare(ImpactScene.from_dict(CHAIN.to_dict() | both))
     beside = {"start": {"state": [[3, 0, 0, 0, 0, -0.5, 0]]}}

@@ -63,8 +63,8 @@ def test_what_is_said_of_disorder_is_what_the_study_measured() -> None:
             )
     for spread in (0.8, 2.0, 12.0):
         part = 1 - float(cells[f"{spread:g}"][0].split()[0]) / 6
-        assert f"about {part:.0%} of the contacts part" in said_of(spread)[0]
-    assert "no contact parts" in said_of(0.4)[0]
+        assert f"about {part:.0%} of the contacts open" in said_of(spread)[0]
+    assert "no contact opens" in said_of(0.4)[0]
     for name in ("chain", "honeycomb"):  # each contact rests by itself
         shape = {"packing.lattice": name, "packing.columns": 1 if name == "chain" else 8}
         assert not any("diameters" in each for each in said_of(2.0, SHEET.with_values(shape)))
@@ -100,7 +100,7 @@ def test_spheres_without_a_neighbour_are_left_out_and_said() -> None:
     around = [[8, 3], [8, 5], [7, 4], [7, 5], [9, 4], [9, 5]]  # all neighbours of [8, 4]
     problem = prepare(SHEET.with_values({"inclusion": [{"spheres": around, "vacancy": True}]}))
     assert len(problem.rest.atoms) == 12 * 8 - 7
-    assert "1 spheres that vacancies leave without a neighbour are left out" in problem.warnings()
+    assert "1 spheres are left out, because vacancies leave them without a neighbour" in problem.warnings()
     assert not prepare(SHEET).rest.crystal.remarks()
 
 
@@ -187,7 +187,7 @@ def test_spheres_that_nearly_touch_call_for_opening() -> None:
     # With s = 1 a hundredth of the pairs has parted, some of them by less than the wave stretches
     scene = SHEET.with_values({"disorder.radius": 2.5e-4, "wave.amplitude": 0.03})
     found = (finding(scene.with_values({"disorder.seed": seed}), "contact_opening") for seed in range(1, 6))
-    assert any(each.called_for and each.reason.endswith("are near enough to meet") for each in found)
+    assert any(each.called_for and each.reason.endswith("are close enough to meet") for each in found)
 
 
 def test_where_spheres_differ_every_wave_turns_some() -> None:

@@ -90,7 +90,7 @@ def test_before_and_after_the_samples_the_signal_is_constant(tmp_path: Path) -> 
     for tau, moved in sphere.items():
         assert tau > 2 or not moved
         assert tau < 8 or moved == pytest.approx(1, abs=1e-8)
-    with pytest.raises(SceneError, match="ends at tau = 8 with 1: must come back to 0, or last to time.duration = 14"):
+    with pytest.raises(SceneError, match="ends at tau = 8 with 1: must return to 0, or last to time.duration = 14"):
         adopt(tmp_path / "deck", tmp_path / "run")
 
 
@@ -243,12 +243,12 @@ def changed(place: int, column: int, value: float) -> list[list[float]]:
         (changed(7, 0, 0.2), "tau = 0.2 after a later time: tau must increase"),
         (changed(7, 0, 0.95), "must be equal within 1e-06 of a step"),
         (changed(0, 1, 0.1), "first value 0.1, largest 1: must begin at 0"),
-        ([[n, 0.0] for n in range(9)], "first value 0, largest 0: must begin at 0, and not stay there"),
+        ([[n, 0.0] for n in range(9)], "first value 0, largest 0: must begin at 0, and not be 0 throughout"),
         (TOO_FEW, r"every second sample misses the others by 0\.\d+ of the largest: must be at most 0\.01"),
         (changed(40, 1, 0.9), r"around tau = 5\."),
         (
             burst_samples()[:60],
-            r"source 1: signal: ends at tau = 7\.\d+ with -?0\.\d+: must come back to 0, or last to",
+            r"source 1: signal: ends at tau = 7\.\d+ with -?0\.\d+: must return to 0, or last to",
         ),
     ],
 )

@@ -256,7 +256,7 @@ def test_a_direction_that_rounds_to_itself_is_not_said_to_change() -> None:
 def test_a_wave_that_snaps_to_quite_another_one_is_warned_of() -> None:
     cell = {"packing.ends": "periodic", "packing.rows": 24, "packing.columns": 3, "wave.direction": 40.0}
     (remark,) = PAPER.with_values(cell).remarks()
-    assert re.search(r"per row; that is \d\d% away: take more rows or columns", remark)
+    assert re.search(r"per row; that is \d\d% away: use more rows or columns", remark)
     (near,) = PAPER.with_values(cell | {"packing.rows": 200, "packing.columns": 200}).remarks()
     assert "away" not in near
 
@@ -313,7 +313,7 @@ def test_one_column_of_an_earlier_release_is_read_as_three_with_a_remark(small: 
     scene = small.with_values({"packing.columns": 1})
     assert scene.shape.columns == 3
     assert build(scene).input_text == build(small).input_text
-    assert scene.remarks()[0] == "packing.columns 1 is read as 3, the fewest that LAMMPS simulates right"
+    assert scene.remarks()[0] == "packing.columns 1 is read as 3, the fewest that LAMMPS simulates correctly"
     assert not Scene.load("l_chain").remarks()  # a chain has one
 
 

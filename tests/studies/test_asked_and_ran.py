@@ -106,7 +106,7 @@ def test_the_command_says_before_it_runs_what_tells_the_values_apart(
     assert status == 0
     assert "6 of 6 runs finished" in out
     assert [line for line in err.splitlines() if "values" in line] == [
-        "note: 6 values, 1 wave in a periodic cell of 48 rows; a cell of 272 rows tells them apart (packing.rows = 272)"
+        "note: 6 values, 1 wave in a periodic cell of 48 rows; a cell of 272 rows separates them (packing.rows = 272)"
     ]
 
 
@@ -184,7 +184,7 @@ def test_a_time_step_is_the_one_that_ran() -> None:
     assert [point.ran["time.timestep"] for point in found] == [0.05, 0.5 / 11, 0.5 / 11]
     assert found[1].run == found[2].run
     (note,) = remarks(point.scene for point in found)
-    assert note == "3 time steps, 2 in a whole number to a sample of 0.5; time.sample = 1.0 tells them apart"
+    assert note == "3 time steps, 2 in a whole number to a sample of 0.5; time.sample = 1.0 separates them"
     assert distinct(PERIODIC.with_values({"time.sample": 1.0}), {"time.timestep": [0.05, 0.048, 0.047]}) == 3
 
 
@@ -213,6 +213,6 @@ def test_what_runs_as_it_was_asked_for_has_no_second_column(changes: dict[str, A
 def test_waves_too_close_for_any_cell_are_sent_to_fixed_ends() -> None:
     close = [1.0, 1.0 + 1e-6]
     (note,) = remarks(point.scene for point in points(PERIODIC, {KEY: close}))
-    assert note.endswith('no cell of up to 100000 rows tells them apart, but packing.ends = "fixed" does')
+    assert note.endswith('no cell of up to 100000 rows separates them, but packing.ends = "fixed" does')
     fixed = PERIODIC.with_values({"packing.ends": "fixed", "packing.rows": 49})
     assert distinct(fixed, {KEY: close}) == 2

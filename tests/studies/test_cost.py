@@ -215,7 +215,7 @@ def test_ctrl_c_keeps_what_was_run_and_the_rest_is_done_next_time(
 ) -> None:
     with monkeypatch.context() as patch:
         done = counted(patch, stop_after=5)
-        with pytest.raises(RunInterrupted, match="5 of 9 runs were done and are kept, the same command again"):
+        with pytest.raises(RunInterrupted, match="5 of 9 runs are finished and kept; the same command"):
             measure(plan(small, tmp_path / "study", repeats=2))
     half = json.loads((tmp_path / "study" / "cost.json").read_text())
     assert sum(row["repeats"] for row in half["points"]) == 2
@@ -321,7 +321,7 @@ def test_a_budget_leaves_the_longest_runs_for_another_call(
 
 def test_a_folder_of_something_else_is_refused(small: Scene, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").touch()
-    with pytest.raises(RunFolderError, match="is there already; choose another folder"):
+    with pytest.raises(RunFolderError, match="exists already; choose another folder"):
         plan(small, tmp_path)
     planned = plan(small, tmp_path / "study", repeats=1)
     measure(replace(planned, settings=[]))
@@ -359,7 +359,7 @@ def test_a_study_that_is_stopped_from_outside_goes_on(small_toml: Path, tmp_path
         _, err = process.communicate(timeout=30)
     assert process.returncode == 130
     assert "interrupted" in err
-    assert "the same command again does the rest" in err
+    assert "the same command does the rest" in err
     assert json.loads((tmp_path / "study" / "cost.json").read_text())["points"]
 
 

@@ -167,7 +167,7 @@ def test_the_command_sweeps_and_view_draws(
     assert view(folder, tmp_path / "curve.png", column="far_tau") == []
     assert (tmp_path / "curve.png").stat().st_size > 5000
     assert main(["resume", folder]) == 2
-    assert "holds a sweep; the same sweep command again" in capsys.readouterr().err
+    assert "holds a sweep; repeat its sweep command" in capsys.readouterr().err
 
 
 def test_a_picture_and_a_card_have_the_columns_of_impacts(swept: Sweep) -> None:
@@ -238,7 +238,7 @@ def test_no_energy_is_said_once_spheres_meet_that_were_no_neighbours() -> None:
     )  # kinetic, v² of 2 in the unit of the impact
     moved[1, sphere] = -0.6 * length  # 1.98 radii from the one across, 2.83 at rest
     into = ImpactRecord(np.arange(2.0), {"displacement": moved, "velocity": velocity}, problem.scene)
-    with pytest.raises(RunFolderError, match="at tau = 1 spheres touch that were no neighbours at rest"):
+    with pytest.raises(RunFolderError, match="at tau = 1 spheres touch that were not neighbours at rest"):
         into.energies()
     found = read_outs({}, into)
     assert found["energy_kept"] is None

@@ -74,8 +74,8 @@ def test_the_seconds_are_in_proportion(changes: dict[str, float], tried: list[Sc
 def test_check_says_time_and_memory(tried: list[Scene], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "point_impact", "--set", "time.tolerance=1e-3"]) == 0
     said = capsys.readouterr().out
-    assert "in 3 runs, or more if their errors ask for it; 46 records of 2501 spheres" in said
-    assert " s on one rank; a short run of this scene just now, 1e+06 sphere-steps a second" in said
+    assert "in 3 runs, or more if their errors require it;  46 records of 2501 spheres" in said
+    assert " s on one rank; a short run of this scene just now, 1e+06 sphere-steps per second" in said
     assert "memory    about " in said
     assert "restart   a checkpoint about every 0.5 minutes" in said
 
@@ -93,7 +93,7 @@ def test_check_says_why_it_knows_no_time(
 
 
 LATE = ["--set", "sphere.adhesion_law=jkr", "--set", "effects.parting=distance"]
-ONLY = 'effects.parting = "distance": only the kernel has it'
+ONLY = 'effects.parting = "distance": only the kernel supports it'
 
 
 def test_check_and_build_say_that_a_scene_needs_the_kernel(

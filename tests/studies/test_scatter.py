@@ -206,7 +206,7 @@ def test_the_command_does_the_same(
             {"wave.mode": "RT", "source.1.frequency": 0.6, "time.sample": 1.0},
             r'wave\.mode = "RT": no RT wave along y exists at the frequency',
         ),
-        ({"time.duration": 100.0}, r"time\.duration = 100\.0: must be at least 1\d\d\.\d, until the fastest wave"),
+        ({"time.duration": 100.0}, r"time\.duration = 100\.0: must be at least 1\d\d\.\d, so that the fastest wave"),
         ({"packing.lattice": "square"}, r'packing\.lattice = "square": must be "hexagonal"'),
     ],
 )
@@ -241,5 +241,5 @@ def test_theory_refuses_what_it_does_not_hold(found: Scatter, tmp_path: Path, mo
     with pytest.raises(ValueError, match="not a folder of granular-lmp scatter"):
         beside_theory.compare(tmp_path)
     monkeypatch.setattr(beside_theory, "traits_of", lambda record: {"effects.damping"})
-    with pytest.raises(ValueError, match=r"effects\.damping: the linear lattice of rows leaves that out"):
+    with pytest.raises(ValueError, match=r"effects\.damping: the linear lattice of rows leaves this out"):
         beside_theory.compare(found.folder)

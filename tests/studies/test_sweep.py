@@ -453,7 +453,7 @@ def test_another_sweep_is_not_overwritten_unless_forced(small: Scene, tmp_path: 
 
 def test_a_folder_that_is_there_is_left_alone_unless_forced(small: Scene, tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("keep")
-    with pytest.raises(RunFolderError, match="is there already; choose another folder or say force=True"):
+    with pytest.raises(RunFolderError, match="exists already; choose another folder or say force=True"):
         sweep(small, TWO, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
     sweep(small, TWO, tmp_path, force=True)
@@ -472,7 +472,7 @@ def test_the_table_of_another_sweep_is_gone_before_the_first_run(small: Scene, t
 
 
 def test_two_sweeps_do_not_share_a_folder(small: Scene, tmp_path: Path) -> None:
-    with locked(tmp_path / "sweep", make=True), pytest.raises(RunFolderError, match="another run is at work there"):
+    with locked(tmp_path / "sweep", make=True), pytest.raises(RunFolderError, match="another run is in progress there"):
         sweep(small, TWO, tmp_path / "sweep")
 
 
@@ -641,7 +641,7 @@ def test_ctrl_c_stops_at_once_and_the_same_command_goes_on(
         assert process.returncode == 130
         assert err.splitlines() == [
             f"granular-lmp: error: {folder}: interrupted; 1 of 2 runs are finished and kept, "
-            "the same command again does the rest"
+            "the same command does the rest"
         ]
         assert states(folder) == ["finished", "interrupted"]
     assert list(Sweep.load(folder).column("status")) == ["finished", "unfinished"]

@@ -253,7 +253,7 @@ def test_second_order_in_another_direction_and_the_hierarchy_meet_the_lattice() 
 
 def test_resonance_and_antiresonance_move_by_a_sixth() -> None:
     dmt, jkr = (Contact(0.17, adhesion_law=law) for law in ("dmt", "jkr"))
-    # Numbers of docs/adhesion-laws.md, to their last digit
+    # Numbers of docs/contact-laws.md, to their last digit
     assert [resonance(dmt), antiresonance(dmt)] == pytest.approx([1.476255, 2.128060], abs=5e-7)
     assert [resonance(jkr), antiresonance(jkr)] == pytest.approx([1.308278, 2.531049], abs=5e-7)
     for force, place in ((1, 2.439478), (10, 2.276128), (100, 2.178044)):

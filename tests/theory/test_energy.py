@@ -23,8 +23,12 @@ A = 0.2
 RESONANT = sh.mode("TR", 1.475, SILICA)
 
 
-@cache
 def ledger(law, mode=RESONANT, end=120, rtol=1e-11):
+    return _ledger(law, mode, end, rtol)
+
+
+@cache
+def _ledger(law, mode, end, rtol):
     # Of any number of points the shift and its way back are each other's transpose, with which the ledger closes
     return energy.ledger(Wave(mode, A, Contact(NU, law=law)), np.linspace(0, end, 241), points=21, rtol=rtol)
 

@@ -74,6 +74,18 @@ def test_the_noise_level_chooses_a_weight_at_which_chi_squared_is_one_a_point() 
     np.testing.assert_allclose(found.values, expected, atol=1e-9)
 
 
+def test_a_search_that_was_stopped_continues_to_the_same_bits() -> None:
+    _, _, search = linear(0.02)
+    made: list[Trial] = []
+    whole = with_changes(search, told=made.append).image(np.ones(40))
+    again: list[Trial] = []
+    continued = with_changes(search, kept=made[:2], told=again.append).image(np.ones(40))
+    assert np.array_equal(continued.values, whole.values)
+    assert (again[0], again[1], len(again)) == (made[0], made[1], len(made))
+    other = made[0], made[1]._replace(values=0.9 * made[1].values)
+    assert not np.array_equal(with_changes(search, kept=other).image(np.ones(40)).values, whole.values)
+
+
 def test_total_variation_keeps_the_edges_of_a_step_that_tikhonov_rounds() -> None:
     truth, _, search = linear(0.02)
     smooth = search.image(np.ones(40)).values

@@ -237,7 +237,7 @@ def test_a_folder_that_others_may_write_is_not_taken(
     built.parents[up].chmod(0o777)
     with caplog.at_level(logging.INFO):
         assert loops.library() is None
-    assert f"{built.parents[up]}: may be written by others" in caplog.text
+    assert f"{built.parents[up]}: is writable by others" in caplog.text
 
 
 @compiled

@@ -115,6 +115,6 @@ def test_the_command_names_branches_and_tells_of_creep(tmp_path: Path, capsys: p
         script.main([str(file), "-o", str(tmp_path / "figure.png")])
     said = capsys.readouterr().out
     assert "S1 -> S2" in said
-    assert "slip winds up, and spheres creep by" in said
+    assert "slip accumulates, and spheres creep by" in said
     (line,) = (line for line in said.splitlines() if "TR -> L" in line)
     assert line.split()[:2] == ["resonance", "1.541596"]

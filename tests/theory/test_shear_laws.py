@@ -13,7 +13,7 @@ from tests.conftest import latin
 from tests.polarisations import forgetful
 
 NU = 0.17
-PAGE = Path(__file__).parents[2] / "docs" / "choosing-a-shear-law.md"
+PAGE = Path(__file__).parents[2] / "docs" / "contact-laws.md"
 SILICA = sh.ratios(NU)
 ETA = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres
 NUS = np.linspace(-1, 0.5, 61)

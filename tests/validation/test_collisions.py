@@ -416,7 +416,7 @@ def test_bodies_that_still_touch_at_the_end_are_an_error(tmp_path: Path) -> None
 def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
     quick = Collision.load("test2").with_values({"collision.steps": 200})
     run(quick, tmp_path / "run")
-    with pytest.raises(RunFolderError, match="is there already"):
+    with pytest.raises(RunFolderError, match="exists already"):
         run(quick, tmp_path / "run")
     assert run(quick, tmp_path / "run", force=True).contact_time > 0
 
@@ -438,7 +438,7 @@ def test_the_command_says_what_the_library_says(tmp_path: Path, capsys: pytest.C
     declared = Collision.load(tmp_path / "run" / "collision.toml")
     assert (tmp_path / "run" / "in.test7").read_text() == deck_of(prepare(scene_of(declared))).input_text
     assert main(words) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
 
 
 # --- a collision is a scene -------------------------------------------------------------------------------------------
@@ -510,7 +510,7 @@ def test_a_collision_to_a_tolerance_has_the_force_of_hertz(tmp_path: Path) -> No
         ({"effects.restitution": 0.5}, "effects.restitution = 0.5: must be 1 with sphere.work_of_adhesion above 0"),
         ({"packing.rows": 1, "start.state": [[0, 0, 0, 0, 0, 0.1, 0]]}, 'packing.first = "free": must be "wall"'),
         ({"packing.contact_force": 1.0}, "start.touching = true: needs sphere.work_of"),
-        ({"sphere.youngs_modulus": 3e4}, "radii beyond overlap 0; at most 0.1 is allowed, where the neighbour list"),
+        ({"sphere.youngs_modulus": 3e4}, "radii beyond overlap 0; must be at most 0.1, where the neighbour list"),
     ],
 )
 def test_a_scene_of_two_bodies_that_cannot_be_is_refused(changes: dict[str, Any], message: str) -> None:

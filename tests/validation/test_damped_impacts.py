@@ -144,5 +144,5 @@ def test_a_dashpot_that_stops_a_sphere_within_a_step_names_the_step_that_runs() 
 
 
 def test_a_contact_has_one_dashpot() -> None:
-    with pytest.raises(SceneError, match="two models of damping; must be one"):
+    with pytest.raises(SceneError, match="are two models of damping; give one of them"):
         CHAIN.with_values({"effects.viscosity": 1.0, "effects.restitution": 0.9})

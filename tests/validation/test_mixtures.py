@@ -128,7 +128,7 @@ def test_the_step_is_stable_for_contacts_as_stiff_as_a_strike_makes_them() -> No
         (
             {"wave": {"mode": "TR", "wavenumber": 1.0, "amplitude": 0.02, "form": "driven"}, "packing": HELD}
             | {"source": [{**MOVE[0], "rows": [0, 1]}]},
-            r"source 1: rows = \[0, 1\]: must not hold spheres of the first row, which is driven",
+            r"source 1: rows = \[0, 1\]: must not contain spheres of the first row, which is driven",
         ),
         (
             {
@@ -148,7 +148,7 @@ def test_what_cannot_be_struck_is_refused_by_name(tables: dict[str, Any], messag
 
 def test_a_sphere_that_is_moved_from_outside_is_not_struck() -> None:
     moved = [{"spheres": [[5, 4]], "motion": "x"}]
-    with pytest.raises(SceneError, match=r"source 1: sphere \[5, 4\]: is a striker or of the state too"):
+    with pytest.raises(SceneError, match=r"source 1: sphere \[5, 4\]: is also in a striker or the state"):
         prepare(scene(AT_REST, striker=STRUCK, source=moved))
 
 

@@ -298,7 +298,7 @@ def test_the_command_says_that_bodies_stick(tmp_path: Path, capsys: pytest.Captu
     assert main([*words, "--set", "collision.steps=2000"]) == 0
     said = capsys.readouterr()
     assert "the bodies stick together\n" in said.out
-    assert "loses half of the energy of JKR's theory" in said.err
+    assert "loses half of the energy that JKR theory loses" in said.err
 
 
 # ---------------------------------------------------------------- the figure

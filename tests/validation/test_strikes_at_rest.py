@@ -110,7 +110,7 @@ def test_a_scene_reads_back_as_it_was_written() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"striker": []}, "striker: missing; an impact has a table [[striker]], or a [start]"),
+        ({"striker": []}, "striker: missing; an impact needs a table [[striker]], or a [start]"),
         ({"packing.ends": "periodic"}, "packing.rows = 13: must be even in a periodic cell"),
         (
             {"packing.rows": 12, "packing.ends": "periodic", "packing.last": "held"},

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cases.runner import script
 from granular_analysis.measure.designs import read_off
 from granular_analysis.measure.runs import load
-from granular_analysis.plotting import letter, page
+from granular_analysis.plotting import legend_above, letter, page
 
 Floats = NDArray[np.float64]
 NAMES = {"doubler": "second-harmonic", "second": "second-harmonic", "focus": "motion:right/left"}
@@ -35,6 +35,7 @@ class Found:
     places, densities : (N, 2) in radii and (N,) in the mean, of the first pattern.
     spectra : of the designed and the uniform crystal, frequencies in rad/t0 and sizes, the largest 1.
     doubled : 2Ω.
+    wavenumber : of the wave, rad per row.
     """
 
     values: dict[str, tuple[float, float]]
@@ -42,6 +43,7 @@ class Found:
     densities: Floats
     spectra: list[tuple[Floats, Floats]]
     doubled: float
+    wavenumber: float
 
 
 def measured(folder: str) -> Found:
@@ -55,7 +57,9 @@ def measured(folder: str) -> Found:
     first = load(there / "doubler")
     densities = first.scene.packing.table.columns["density"] / first.scene.sphere.density
     spectra = [spectrum(there / each) for each in SOUND]
-    return Found(values, first.snapshots().rest, densities, spectra, 2 * float(first.info["frequency"]))
+    return Found(
+        values, first.snapshots().rest, densities, spectra, 2 * float(first.info["frequency"]), first.scene.wavenumber
+    )
 
 
 def spectrum(folder: Path) -> tuple[Floats, Floats]:
@@ -86,24 +90,43 @@ def table(found: Found) -> str:
     return "\n".join(lines)
 
 
+def components(found: Found) -> tuple[Floats, Floats]:
+    """Return wave vectors that fit into the cell, (K, 2) in rad a lattice constant and rad a row, and |ρ̂| (K,).
+
+    A row is √3 radii high, a lattice constant two; the largest are those of half of the vectors, as ρ is real.
+    """
+    x, y = found.places.T
+    row = np.rint((y - y.min()) / np.sqrt(3))
+    rows, columns = int(row.max()) + 1, int(np.count_nonzero(row == 0))
+    across, along = np.meshgrid(
+        2 * np.pi * np.arange(-columns // 2, columns // 2 + 1) / columns, 2 * np.pi * np.arange(rows // 2 + 1) / rows
+    )
+    vectors = np.stack([across.ravel(), along.ravel()], axis=1)
+    phases = vectors @ np.stack([x / 2, row])
+    return vectors, np.abs(np.exp(-1j * phases) @ (found.densities - found.densities.mean())) / len(x)
+
+
 def draw(found: Found) -> Figure:
-    """Draw the pattern, and the spectra at 2k."""
-    figure = page(3.1)
-    left, right = figure.subplots(1, 2)
+    """Draw the pattern, its Fourier components, and the spectra at 2k."""
+    figure = page(5.6)
+    grid = figure.add_gridspec(2, 2)
+    left, middle = (figure.add_subplot(grid[0, place]) for place in (0, 1))
+    right = figure.add_subplot(grid[1, :])
     shown = left.scatter(*found.places.T, c=found.densities, s=5, cmap="viridis")
     figure.colorbar(shown, ax=left, label="density / uniform density")
     left.set(aspect="equal", xlabel="$x/R$", ylabel="$y/R$")
+    vectors, sizes = components(found)
+    middle.scatter(*vectors.T, s=500 * sizes, color="black", linewidth=0)
+    doubled = 2 * found.wavenumber
+    middle.scatter([0, 0], [doubled / 2, doubled], s=40, facecolor="none", edgecolor="C3", label="$k$ and $2k$")
+    middle.set(xlabel="$k_x$ (rad per lattice constant)", ylabel="$k_y$ (rad per row)", ylim=(-0.15, 3.6))
+    letter((left, middle, right))
+    legend_above(middle)
     for (at, sizes), colour, label in zip(found.spectra, ("C3", "black"), ("pattern", "uniform"), strict=True):
         right.plot(at, sizes, color=colour, linewidth=1, label=label)
     right.axvline(found.doubled, color="C0", linestyle="--", linewidth=1, label=r"$2\Omega$")
-    right.set(
-        xlim=(0, 1.2),
-        ylim=(0, 1.05),
-        xlabel=r"frequency (rad per $t_0$)",
-        ylabel="longitudinal motion at $2k$ (its largest)",
-    )
+    right.set(xlim=(0, 1.2), ylim=(0, 1.05), xlabel=r"frequency (rad per $t_0$)", ylabel="longitudinal motion at $2k$")
     right.legend()
-    letter((left, right))
     return figure
 
 

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cases.runner import script
-from granular_analysis.measure.imaging import Shot, Sought, Traces
+from granular_analysis.measure.imaging import Shot, Sought
+from granular_analysis.measure.traces import Traces
 from granular_analysis.plotting import letter, page
 from granular_analysis.theory.imaging import Image, widths
 from granular_analysis.tools.image import draw_map
@@ -97,7 +98,8 @@ def imaged(record: Record, monitors: int, noise: float, penalty: str) -> Found:
     traces = Traces.of_run(record)
     every = len(traces.row) // monitors
     motion = {name: each[:, ::every] for name, each in traces.motion.items()}
-    traces = replace(traces, row=traces.row[::every], column=traces.column[::every], motion=motion)
+    places = {name: getattr(traces, name)[::every] for name in ("row", "column", "layer")}
+    traces = replace(traces, motion=motion, **places)
     rng = np.random.default_rng(1)
     noisy = {name: each + noise * traces.rms * rng.normal(size=each.shape) for name, each in traces.motion.items()}
     shot = Shot.of(replace(traces, motion=noisy), Scene.load(HERE / "sheet.toml"), noise)

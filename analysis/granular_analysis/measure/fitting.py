@@ -2,15 +2,15 @@
 
 Frequencies are those of the modes of the scene's crystal (`granular_analysis.theory.scenes.Setting`), or of surface
 waves of its substrate (`granular_analysis.measure.surface`), second harmonics those of the theory of second order,
-arrivals and front speeds of an impact those of Hertz's springs, integrated (`granular_analysis.measure.arrivals`),
-traces the motion of spheres in a whole run of the network, with its exact slopes (`granular_analysis.measure.traces`).
+arrivals and front speeds of an impact those of Hertz's springs, integrated (`granular_analysis.measure.arrivals`), and
+traces the motion of spheres in a whole run of the network, with its exact slopes
+(`granular_analysis.measure.traced_runs`).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from granular_analysis.measure.arrivals import fronts
 from granular_analysis.measure.points import Point
 from granular_analysis.measure.surface import BRANCH, Film, is_surface_wave
-from granular_analysis.measure.traces import Traces
+from granular_analysis.measure.traced_runs import TracedRuns
 from granular_analysis.theory.bloch import branch_among, frame, in_plane
 from granular_analysis.theory.branches import branch_named, names_of
 from granular_analysis.theory.crystal import PLANE, Crystal, Modes
@@ -71,7 +71,7 @@ class Fit:
         section, _, name = key.rpartition(".")
         value = self.scene.value(key)
         if value is None:
-            raise ValueError(f"--free {key}: {self._undeclared(section, name)}")
+            self._refuse_undeclared(key, section, name)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ValueError(f"--free {key}: must be a number that the scene declares, not {value!r}")
         if section in self.scene.layout.sections:
@@ -81,14 +81,12 @@ class Fit:
             low, high = 0.0, np.inf
         return Parameter(key, float(value), float(low), float(high))
 
-    def _undeclared(self, section: str, name: str) -> str:
-        """Return what is wrong with a key that the scene does not declare: none of a scene, or without a value."""
-        known = {each: [own.name for own in self.scene.keys_of(each)] for each in self.scene.layout.sections}
-        if name in known.get(section, ()):
-            return "has no value in the scene; give it one there, from which the search starts"
-        every = [f"{table}.{own}" for table, names in known.items() for own in names]
-        near = get_close_matches(f"{section}.{name}".strip("."), every, n=1)
-        return f"must be a number that the scene declares{f'; did you mean {near[0]}?' if near else ''}"
+    def _refuse_undeclared(self, key: str, section: str, name: str) -> NoReturn:
+        """Raise ValueError or SceneError for a key that no scene has, or that has no value in this one."""
+        if section in self.scene.layout.sections and name in [own.name for own in self.scene.keys_of(section)]:
+            raise ValueError(f"--free {key}: has no value in the scene; give one, from which the search starts")
+        self.scene.with_values({key: 1.0})  # which names the key that is nearly the same
+        raise ValueError(f"--free {key}: must be a number that the scene declares")
 
     def at(self, values: Floats) -> Scene:
         """Return the scene with values of the free keys."""
@@ -117,8 +115,8 @@ class Fit:
         return np.array([each.of_trace for each in self.points])
 
     @cached_property
-    def _traces(self) -> Traces:
-        return Traces(self.scene, [each for each in self.points if each.of_trace])
+    def _traces(self) -> TracedRuns:
+        return TracedRuns(self.scene, [each for each in self.points if each.of_trace])
 
     @cached_property
     def remarks(self) -> dict[str, None]:
@@ -139,7 +137,7 @@ class Fit:
         if whole or others.any():
             rule, left = (self.predicted, ~others | others) if whole else (lambda at: self._others(self.at(at)), others)
             for n, change in enumerate(np.diag(_APART * np.where(values, np.abs(values), 1.0))):
-                found[left, n] = (rule(values + change) - rule(values - change)) / (2 * change[n])
+                found[left, n] = _difference(rule, values, change) / change[n]
         return found
 
     @cached_property
@@ -183,6 +181,20 @@ class Fit:
             for n, number in zip(near, _branches(_modes(self.at(values), chosen), chosen), strict=True):
                 found[n] = str(number + 1)
         return found
+
+
+def _difference(rule: Callable[[Floats], Floats], values: Floats, change: Floats) -> Floats:
+    """Return how a rule changes with a change of its values: half of that to both sides, or to one next to a bound."""
+    ends = []
+    for way in (1, -1):
+        try:
+            ends.append((way, rule(values + way * change)))
+        except (GranularError, ValueError) as error:
+            refused = error
+    if not ends:
+        raise refused
+    (first, found), (last, other) = ends[0], ends[-1] if len(ends) > 1 else (0, rule(values))
+    return np.asarray((found - other) / (first - last))
 
 
 def _theory(point: Point) -> str:

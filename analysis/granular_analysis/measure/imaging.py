@@ -1,15 +1,7 @@
 """Images of a crystal by what was recorded of a few of its spheres: contacts or spheres that differ from its scene.
 
-A shot is a record and the scene of the crystal as it is thought to be, with the sources that made the record. Records
-are those of the monitors of a run, or a table of traces (`granular_lmp.scene.spreadsheets`), a line for each time and
-sphere:
-
-    t_s, row, column    of the sphere, counted from 0
-    u_m, v_m, w_m       its displacement along x, y and z; or
-    u_t_m/s, …          its velocity
-
-as ``granular-lmp export RUN --monitor NAME`` writes them. Displacements are taken where there are any, else velocities.
-Times are equally spaced. The run is sampled at the times of the record, or between them, at splines through it.
+A shot is a record (`granular_analysis.measure.traces`) and the scene of the crystal as it is thought to be, with the
+sources that made the record. The run is sampled at the times of the record, or between them, at splines through it.
 
 What is looked for are factors of a run (`granular_analysis.theory.network_factors`), all in one image: `OF`. A sphere
 that is missing is imaged as one without weight, or as contacts without stiffness.
@@ -20,37 +12,27 @@ When it breaks: where contacts open, close or slide, the record has a kink, and 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from jax.tree_util import Partial
 from numpy.typing import NDArray
 
 from granular_analysis.measure.outside import sites
-from granular_analysis.measure.snapshot import FirstSnapshot, scales_of
+from granular_analysis.measure.snapshot import FirstSnapshot
 from granular_analysis.measure.stepping import first_of
+from granular_analysis.measure.traces import Traces
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.imaging import Image, Search, Tikhonov, Trial, Variation
 from granular_analysis.theory.network_factors import Run
 from granular_analysis.theory.network_gradient import events, gradient
 from granular_analysis.theory.network_kernels import kernels
 from granular_analysis.theory.network_objectives import misfit
-from granular_lmp.runs.record import Record, Scene
-from granular_lmp.scene import spreadsheets
-from granular_lmp.scene.spreadsheets import LENGTHS, TIMES, TableError, value_of
+from granular_lmp.runs.record import Scene
 
-__all__ = ["Shot", "Sought", "Traces"]
+__all__ = ["Shot", "Sought"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-SPEEDS = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6}
-WAYS = {name: dict(LENGTHS) for name in "uvw"}
-RATES = {f"{name}_t": SPEEDS for name in "uvw"}
-ANGLES = {f"theta{axis}": {"rad": 1.0, "deg": np.pi / 180} for axis in ("", "x", "y", "z")}
-SPINS = {f"{name}_t": {"rad/s": 1.0} for name in ANGLES}
-HEADS = {"t": TIMES, "row": {"": 1.0}, "column": {"": 1.0}, **WAYS, **RATES, **ANGLES, **SPINS}
-WORDS = {"time": "t", "displacement_x": "u", "displacement_y": "v", "displacement_z": "w"}
-WORDS |= {"velocity_x": "u_t", "velocity_y": "v_t", "velocity_z": "w_t"}
 # What is imaged, and whether there is one value for each contact or for each sphere
 OF: Mapping[str, tuple[str, str]] = {
     "contact.normal_stiffness": ("normal_stiffness", "contacts"),
@@ -63,108 +45,6 @@ LARGEST = 6000  # values, of which matrices take some GB
 PENALTIES = ("tikhonov", "tv")
 _EQUAL = 1e-3  # of the time between two samples
 _LOADED = 1e-6  # force at rest over the largest pull or push of a contact
-
-
-@dataclass(frozen=True, eq=False)
-class Traces:
-    """Motion of n spheres at T equally spaced times, in SI units.
-
-    Attributes
-    ----------
-    said : its file.
-    time : (T,)
-    row, column : (n,)
-    motion : (T, n) by name, of displacements or of velocities; nan where nothing was measured.
-    """
-
-    said: str
-    time: Floats
-    row: Integers
-    column: Integers
-    motion: Mapping[str, Floats]
-
-    @classmethod
-    def read(cls, path: str | Path) -> "Traces":
-        """Return the traces of a run folder or of a table.
-
-        Raises GranularError for a folder or a table that cannot be read, and ValueError for a run without monitors.
-        """
-        return cls.of_run(Record.load(path)) if Path(path).is_dir() else cls.of_table(path)
-
-    @classmethod
-    def of_run(cls, record: Record) -> "Traces":
-        """Return the displacements of all monitors of a run."""
-        if not record.scene.monitor:
-            raise ValueError(f"{record.folder}: has no [[monitor]], whose spheres an image is made of")
-        scales = scales_of(record)
-        found = [record.monitor(each.name) for each in record.scene.monitor]
-        times = found[0].tau * scales.time * scales.second
-        ways = np.concatenate([each.displacement for each in found], axis=1) * scales.length * scales.metre
-        motion = {name: ways[..., axis] for axis, name in zip(range(ways.shape[2]), WAYS, strict=False)}
-        row, column = (np.concatenate([getattr(each, name) for each in found]) for name in ("row", "column"))
-        return cls(str(record.folder), times, row, column, motion).checked()
-
-    @classmethod
-    def of_table(cls, path: str | Path) -> "Traces":
-        """Return the traces of a table."""
-        table = spreadsheets.read(path, HEADS, WORDS)
-        columns = {each.quantity: (n, HEADS[each.quantity][each.unit]) for n, each in enumerate(table.columns)}
-        if lacks := [name for name in ("t", "row", "column") if name not in columns]:
-            raise TableError(f"{path}: has no column {lacks[0]}; must have t_UNIT, row and column")
-        kind = next((kind for kind in (WAYS, RATES) if kind.keys() & columns.keys()), None)
-        if kind is None or not table.rows:
-            raise TableError(f"{path}: has no measured motion; it needs {', '.join([*WAYS, *RATES])}")
-        numbers = {
-            name: size * np.array([value_of(cells[n]) for _, cells in table.rows])
-            for name, (n, size) in columns.items()
-            if name in {"t", "row", "column", *kind}
-        }
-        for name in ("t", "row", "column"):
-            whole = name == "t" or np.all(numbers[name] == np.floor(numbers[name]))
-            if not whole or not np.all(np.isfinite(numbers[name])):
-                raise TableError(f"{path}: {name} must be {'a finite' if name == 't' else 'a whole'} number everywhere")
-        times, when = np.unique(numbers["t"], return_inverse=True)
-        places, where = np.unique(np.stack([numbers["row"], numbers["column"]]), axis=1, return_inverse=True)
-        if len({*zip(when.tolist(), where.ravel().tolist(), strict=True)}) < len(when):
-            raise TableError(f"{path}: two lines are of one sphere at one time")
-        motion = {}
-        for name in kind.keys() & columns.keys():
-            motion[name] = np.full((len(times), places.shape[1]), np.nan)
-            motion[name][when, where.ravel()] = numbers[name]
-        row, column = places.astype(np.intp)
-        return cls(str(path), times, row, column, motion).checked()
-
-    def checked(self) -> "Traces":
-        """Return these; ValueError for fewer than four times, or unequal ones."""
-        apart = np.diff(self.time)
-        if not all(np.isfinite(each).any() for each in self.motion.values()):
-            raise ValueError(f"{self.said}: has a column of motion without a number")
-        if len(apart) < 3 or np.ptp(apart) > _EQUAL * apart.mean():
-            raise ValueError(f"{self.said}: must have at least 4 times with equal steps between them")
-        return self
-
-    @property
-    def rms(self) -> float:
-        """Return the root mean square of all values."""
-        values = np.concatenate([each[np.isfinite(each)] for each in self.motion.values()])
-        return float(np.sqrt(np.mean(values**2)))
-
-    def at(self, grid: Floats) -> dict[str, Floats]:
-        """Return the motion at other times, (G, n) by name, nan outside of those that are there."""
-        apart = self.time[1] - self.time[0]
-        index = np.rint((grid - self.time[0]) / apart).astype(np.intp)
-        inside = (index >= 0) & (index < len(self.time))
-        index = index.clip(0, len(self.time) - 1)
-        if np.all(np.abs(self.time[index] - grid)[inside] < _EQUAL * apart):
-            return {name: np.where(inside[:, None], each[index], np.nan) for name, each in self.motion.items()}
-        from scipy.interpolate import CubicSpline  # slow to import
-
-        found = {}
-        for name, each in self.motion.items():
-            whole = np.isfinite(each).all(axis=0)
-            found[name] = np.full((len(grid), each.shape[1]), np.nan)
-            found[name][:, whole] = CubicSpline(self.time, each[:, whole], extrapolate=False)(grid)
-        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,9 +80,9 @@ class Shot:
         Raises
         ------
         ValueError
-            For places that the crystal lacks or has twice, and a scene that begins with a motion.
+            For a scene that begins with a motion, and a record without a time after its start.
         GranularError, TheoryError
-            For a scene that the network does not hold.
+            For places that the crystal lacks or has twice, and a scene that the network does not hold.
         """
         if not 0 < noise < np.inf:
             raise ValueError(f"noise = {noise:g}: must be the share of the errors in the records, above 0")
@@ -212,7 +92,7 @@ class Shot:
                 f"{traces.said}: its scene begins with a motion; an image needs a crystal at rest and sources"
             )
         scales, network = first.scales, first.network
-        spheres = _spheres(traces, setting.scene, network.position)
+        spheres = traces.spheres(setting.scene, network.position)
         apart = float(traces.time[1] - traces.time[0]) / scales.second
         apart *= max(1, int(setting.step / apart + _EQUAL))
         every = int(np.ceil(apart / setting.step - _EQUAL))
@@ -225,10 +105,11 @@ class Shot:
         errors = np.full_like(measured, np.inf)
         speed = scales.metre / scales.second
         for name, values in traces.at(np.asarray(np.arange(samples + 1) * apart * scales.second)).items():
-            axis, unit = "uvw".index(name[0]), speed if name in RATES else scales.metre
+            rate = name.startswith("velocity")
+            axis, unit = "xyz".index(name[-1]), speed if rate else scales.metre
             if axis >= network.dimension:
                 raise ValueError(f"{traces.said}: has {name}, and the spheres of the scene stay in a plane")
-            row = axis + network.freedoms * (name in RATES)
+            row = axis + network.freedoms * rate
             measured[:, row] = np.nan_to_num(values) / unit
             errors[:, row] = np.where(np.isfinite(values), noise * traces.rms / unit, np.inf)
         return cls(setting.scene, first, run, measured, errors)
@@ -242,20 +123,6 @@ class Shot:
     def points(self) -> int:
         """Return how many numbers were measured."""
         return int(np.isfinite(self.errors).sum())
-
-
-def _spheres(traces: Traces, scene: Scene, position: Floats) -> Integers:
-    """Return the index of each sphere that was measured."""
-    places = [*zip(*(each.tolist() for each in sites(scene, position)), strict=True)]
-    index = {place: n for n, place in enumerate(places)}
-    if len(index) < len(places):
-        raise ValueError(f"{scene.name}: has several layers, whose spheres row and column do not tell apart")
-    wanted = [*zip(traces.row.tolist(), traces.column.tolist(), strict=True)]
-    if lacks := [place for place in wanted if place not in index]:
-        raise ValueError(f"{traces.said}: row {lacks[0][0]}, column {lacks[0][1]}: the scene has no sphere there")
-    if len({*wanted}) < len(wanted):
-        raise ValueError(f"{traces.said}: a sphere is in two monitors")
-    return np.array([index[place] for place in wanted])
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,6 +258,7 @@ class Sought:
         known: bool = True,
         bounds: tuple[float, float] = BOUNDS,
         told: Callable[[Trial], None] = lambda _: None,
+        kept: Sequence[Trial] = (),
     ) -> Image:
         """Return the image.
 
@@ -401,11 +269,12 @@ class Sought:
             the L-curve does.
         bounds : of all values.
         told : called with each trial.
+        kept : trials of the same image that were made before.
         """
         if penalty not in PENALTIES:
             raise ValueError(f"penalty = {penalty!r}: must be one of {', '.join(PENALTIES)}")
         if not 0 < bounds[0] < 1 < bounds[1] < np.inf:
             raise ValueError(f"bounds {bounds[0]:g} and {bounds[1]:g}: must be below and above 1, and positive")
         of = Tikhonov() if penalty == "tikhonov" else Variation(self.neighbours)
-        search = Search(self.misfit, self.curvature, self.points, of, bounds, known, told)
+        search = Search(self.misfit, self.curvature, self.points, of, bounds, known, told, kept)
         return search.image(np.ones(len(self.owners)))

@@ -13,10 +13,11 @@ or ``f [MHz]``. Each row has a value in one of
 and, if it has one, its standard error: in ``error_…`` with a unit of that quantity, or in ``error_%``. A branch is a
 name (L, TR, RT) or a number from 1, the lowest; an empty one is that with the nearest frequency. An empty wave number
 is 0, an empty direction that of the scene. Every other cell that a row needs must be filled. A row of traces may have
-several of them, as the tables that ``granular-lmp export`` writes of monitors and of recorded spheres.
+several of them, as the tables that ``granular-lmp export`` writes of monitors and of recorded spheres. A trace may have
+gaps, which are empty or nan, and times before the start of the run.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,7 +32,7 @@ _SPEEDS = {"m/s": 1.0, "km/s": 1e3, "mm/s": 1e-3, "um/s": 1e-6}
 _MOTIONS = {
     "displacement": (LENGTHS, ("u{axis}", "{along}")),
     "velocity": (_SPEEDS, ("v{axis}", "{along}_t")),
-    "rotation": ({"rad": 1.0, "mrad": 1e-3, "urad": 1e-6}, ("theta{axis}",)),
+    "rotation": ({"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": np.pi / 180}, ("theta{axis}",)),
     "spin": ({"rad/s": 1.0}, ("spin{axis}", "theta{axis}_t")),
 }
 TRACES = {f"{name}_{axis}": units for name, (units, _) in _MOTIONS.items() for axis in "xyz"}
@@ -125,27 +126,36 @@ def read(file: str | Path, only: Collection[str] = ()) -> tuple[list[Point], Tab
             raise ValueError(f"has no measured column; it needs {_or(KINDS, '_UNIT')}")
         if not table.rows:
             raise ValueError("has a head and no points")
+        gaps = all(each.quantity in TRACES for each in table.columns if each.quantity in KINDS)
         points = [
-            point
-            for line, cells in table.rows
-            for point in _points(line, [each for each in zip(table.columns, cells, strict=True) if each[1]])
-            if not only or point.kind in only
+            point for line, cells in table.rows for point in _points(line, [*_filled(table.columns, cells)], only, gaps)
         ]
         if not points:
-            raise ValueError(f"holds no {_or(only)}")
+            raise ValueError(f"holds no {_or(only) or 'value'}")
     except ValueError as error:
         raise TableError(f"{file}: {error}") from None
     return points, table
 
 
-def _points(line: int, cells: list[tuple[Column, str]]) -> Iterator[Point]:
-    """Yield the point of a row, or those of several traces."""
+def _filled(columns: Sequence[Column], cells: Sequence[str]) -> Iterator[tuple[Column, str]]:
+    """Yield the cells of a row that hold something, beside their columns; nan of a trace is nothing."""
+    for column, cell in zip(columns, cells, strict=True):
+        if cell and not (column.quantity in TRACES and cell.lower() == "nan"):
+            yield column, cell
+
+
+def _points(line: int, cells: list[tuple[Column, str]], only: Collection[str], gaps: bool) -> Iterator[Point]:
+    """Yield the point of a row, or those of several traces; none of a row that may be a gap."""
     there = {column.quantity: (column.unit, cell) for column, cell in cells if column.quantity != ERROR}
     kinds = [name for name in there if name in KINDS]
+    if gaps and not kinds:
+        return
     if not kinds or (len(kinds) > 1 and not set(kinds) <= TRACES.keys()):
         raise ValueError(f"line {line}: must have one value of {_or(KINDS)}, and has {_or(kinds) or 'none'}")
     every = set[str]().union(*(UNITS[kind] for kind in kinds))
     for kind in kinds:
+        if only and kind not in only:
+            continue
         own = {name: each for name, each in there.items() if name == kind or name not in kinds}
         # An error in a unit of another trace in the row is of that trace
         other = every - UNITS[kind].keys()
@@ -185,8 +195,7 @@ def _number(line: int, name: str, unit: str, cell: str, positive: bool) -> float
     """Return a cell in SI units."""
     value = value_of(cell)
     whole = name not in COUNTED or (value >= 0 and value == int(value))
-    early = value <= 0 if positive else name == "time" and value < 0
-    if not np.isfinite(value) or not whole or early:
+    if not np.isfinite(value) or not whole or (positive and value <= 0):
         kind = f"a {name.removeprefix('to_')}, counted from 0" if name in COUNTED else "a finite number"
         above = " above 0" if positive else ""
         raise ValueError(f"line {line}: {name} = {cell!r}: must be {kind}{above}")

@@ -1,12 +1,12 @@
-"""The first snapshot of a LAMMPS run as a network: what starts the witness where a run started.
+"""First snapshot of a LAMMPS run as a network, so that the witness starts where the run started.
 
-The dump is text and of step 0, with the columns of a scene's `dump.particles`: id, type, x, y, radius, mass where the
-spheres differ, the displacement from rest, vx, vy, omegaz and the angle v_theta. One with a displacement along z is of
-spheres in space, with z, vz, all spins, and the quaternion Orientation. Numbers stay in the units of the dump.
-Materials are to be given in those units: for `nano` (ag, nm, ns), E in MPa and w in mJ/m²; for `micro` (pg, µm, µs),
-kPa and mJ/m²; for `si`, SI. `first_snapshot` takes all of it from a record.
+The dump is text, for step 0, with the columns of `dump.particles` of a scene: id, type, x, y, radius, mass if spheres
+differ, the displacement from rest, vx, vy, omegaz and the angle v_theta. A displacement along z means spheres in space,
+with z, vz, all spins, and the quaternion Orientation. Numbers stay in the units of the dump. Materials must be given in
+these units: for `nano` (ag, nm, ns), E in MPa and w in mJ/m²; for `micro` (pg, µm, µs), kPa and mJ/m²; for `si`, SI.
+`first_snapshot` takes everything from a record.
 
-Later snapshots are refused: the slip of the contacts, which they would need, is in no dump.
+Later snapshots are refused, because no dump has the slip of contacts that they would need.
 """
 
 from collections.abc import Iterator, Sequence
@@ -119,9 +119,9 @@ class FirstSnapshot:
 def first_snapshot(record: Record) -> FirstSnapshot:
     """Return the network of a run, with the contact law, the friction and the materials of its scene.
 
-    Raises RunFolderError for a run without snapshots (``output.particles``), OSError for a folder without `CENTRE`, and
-    TheoryError for a first snapshot that is none of step 0, lacks a column, as without ``effects.tracking``, or a
-    sphere, or is no dump, and as `network_of` does.
+    Raises RunFolderError for a run without snapshots (``output.particles``) and OSError for a folder without `CENTRE`.
+    Raises TheoryError if the first snapshot is not of step 0, lacks a sphere or a column (as without
+    ``effects.tracking``), or is not a dump, and as `network_of` does.
     """
     scene, path = record.scene, _snapshots(record)
     scales = scales_of(record)

@@ -1,7 +1,7 @@
-"""The network as the engine of a run: LAMMPS's own steps without LAMMPS, in compiled loops, by JAX or in NumPy.
+"""Network as the engine of a run: the time steps of LAMMPS without LAMMPS, in compiled loops, by JAX or in NumPy.
 
-`granular_lmp.runs.engine` says what an engine gives. The spheres are those of the deck as they begin; the laws of their
-contacts, the walls, the drives and the steps are those of this package.
+`granular_lmp.runs.engine` defines the interface. The spheres begin as in the deck; contact laws, walls, drives and
+steps are those of this package.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -48,9 +48,9 @@ class NetworkEngine:
 
     Attributes
     ----------
-    device : as ``run.json`` names it; it ends with what takes the steps.
-    room : bytes of the card, inf without one.
-    at_once : runs at once on this machine, which must all find memory; a process that is handed the engine counts one.
+    device : name in ``run.json``; it ends with what takes the steps. room : memory of the GPU in bytes; inf without a
+    GPU. at_once : number of simultaneous runs on this machine, which share its memory; a process that receives the
+    engine counts as one.
     """
 
     device: str
@@ -65,8 +65,8 @@ class NetworkEngine:
     def on(cls, name: str) -> "NetworkEngine":
         """Return the engine on "cpu", in compiled loops if there is a compiler, or on "numpy", "jax" or "gpu".
 
-        "jax" takes all cores of this machine. Raises TheoryError for it and "gpu" without JAX, or without a card that
-        JAX knows.
+        "jax" uses all cores of this machine. Raises TheoryError for "jax" and "gpu" without JAX, and for "gpu" without
+        a GPU that JAX supports.
         """
         if name == "cpu" and library() is not None:
             return cls("cpu, C")
@@ -100,11 +100,11 @@ class NetworkEngine:
 
     @property
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of what takes the steps."""
+        """Return the versions of the software that takes the steps."""
         return {"jax": version("jax")} if self.by == "JAX" else {}
 
     def refuse_larger(self, scene: Scene) -> None:
-        """Raise TheoryError for runs that need more memory than this machine has free, or than the card has."""
+        """Raise TheoryError for runs that need more memory than is free on this machine, or than the GPU has."""
         spheres, records = scene.shape.spheres, scene.time.samples + 1 if scene.wave is None else 0
         of_device = _PROCESS + _SPHERE[scene.space] * spheres
         of_host = self.at_once * (of_device + _READ * spheres * records)
@@ -117,9 +117,9 @@ class NetworkEngine:
                 )
 
     def begin(self, setting: Setting) -> "Motion":
-        """Return the motion of a run; raises SceneError for what the network or the memory does not hold.
+        """Return the motion of a run; raise SceneError for what the network does not support or memory cannot hold.
 
-        A process that was handed the engine of another prepares its own device.
+        A process that received the engine from another process prepares its own device.
         """
         try:
             self.refuse_larger(setting.scene)

@@ -1,236 +1,159 @@
-"""Traces, the motion of spheres at given times, as a run of the network without LAMMPS gives them, with their slopes.
+"""Measured motion of spheres at equally spaced times: of the monitors of a run, or of a table of measured points.
 
-A run from what a scene declares has the steps of its LAMMPS run (`granular_analysis.theory.network_verlet`). All runs
-of a fit have one step in seconds, that of the scene from which it starts, so that what they give is smooth in the keys.
-Between steps motions are Hermite's polynomials of third order of displacement and velocity.
-
-The slope by a key θ is dy/dθ = (∂y/∂g)(dg/dθ), with all numbers g that a run begins with: stiffnesses, overlaps,
-masses, the motion at the start, signals of sources, dashpots. The change of the numbers with the key is a difference of
-closed forms, which costs no run; that of the whole run with the numbers is exact, by forward mode
-(`granular_analysis.theory.network_gradient`, which needs JAX). So every number that a scene takes may be free.
-
-Good values: time.timestep of at most a third of the time in which the fastest motion turns by one radian. When it
-breaks: where contacts open, close or slide, a trace has a kink and its slope is refused.
+Tables are those of `granular_analysis.measure.points`, as ``granular-lmp export RUN --monitor NAME`` writes them too.
+Displacements are taken where there are any, else velocities. A table may have gaps, and times before the start of the
+run.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from importlib import import_module
-from importlib.util import find_spec
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_analysis.measure import points
 from granular_analysis.measure.outside import sites
-from granular_analysis.measure.points import TRACES, Point
-from granular_analysis.measure.snapshot import FirstSnapshot
-from granular_analysis.measure.stepping import STEPS, NetworkEngine, first_of
+from granular_analysis.measure.snapshot import scales_of
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.loops import library
-from granular_analysis.theory.network import Network
-from granular_analysis.theory.network_state import damping_ratio
-from granular_lmp.runs.record import Scene
+from granular_lmp.runs.record import Record, Scene
+from granular_lmp.scene.spreadsheets import TableError
 
 __all__ = ["Traces"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-# Five-point difference of what a run begins with: forces at rest, which are larger than those of a wave and cancel,
-# leave 1e-9 of a slope by truncation, and overlaps, which are small against radii, 1e-6 at most by rounding
-_APART, _STENCIL, _WEIGHTS = 1e-3, (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
-# Rows of the motion of a sphere in the plane and in space, without those of rates
-_ROWS = {2: ("displacement_x", "displacement_y", "rotation_z"), 3: tuple(TRACES)[:3] + tuple(TRACES)[6:9]}
-_RATES = {"velocity": "displacement", "spin": "rotation"}
-_TRAITS = ("viscosity", "restitution", "friction")  # numbers for which a run is compiled
-
-
-class _Begun(NamedTuple):
-    """A scene at its start, the step in units of its deck, and the units of the points there in SI, (N,)."""
-
-    first: FirstSnapshot
-    step: float
-    units: Floats
+_TAKEN = [[f"{name}_{axis}" for axis in "xyz"] for name in ("displacement", "velocity")]
+_EQUAL = 1e-3  # of the time between two samples
+_FEWEST = 4  # samples of a spline, as of a record
 
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """Traces in the runs of scenes that differ from one by its free keys.
+    """Motion of n spheres at T equally spaced times, in SI units.
 
     Attributes
     ----------
-    scene : from which a fit starts; it gives the step.
-    points : of traces.
+    said : its file.
+    time : (T,)
+    row, column, layer : (n,); −1 for a column or layer that a table leaves out.
+    motion : (T, n) by the name of a trace, of displacements or of velocities; nan where nothing was measured.
     """
 
-    scene: Scene
-    points: Sequence[Point]
+    said: str
+    time: Floats
+    row: Integers
+    column: Integers
+    layer: Integers
+    motion: Mapping[str, Floats]
 
-    @cached_property
-    def step(self) -> float:
-        """Length of a step, s."""
-        return float(self.scene.time.step * self.scene.scale.time)
+    @classmethod
+    def read(cls, path: str | Path) -> "Traces":
+        """Return the traces of a run folder or of a table.
 
-    @cached_property
-    def _times(self) -> Floats:
-        return np.array([each.time for each in self.points])
-
-    @cached_property
-    def steps(self) -> int:
-        """Number of steps to the last time."""
-        return max(int(np.ceil(self._times.max() / self.step - 1e-9)), 1)
-
-    @cached_property
-    def _chosen(self) -> tuple[Integers, Integers, Integers]:
-        """Spheres that are recorded, and of each point which of them it is of, and its row of the motion.
-
-        Raises TheoryError for a sphere that is not there or that a source moves, and for a motion that spheres of the
-        scene do not have.
+        Raises GranularError for a folder or a table that cannot be read, and ValueError for a run without monitors.
         """
-        network = self._begun(self.scene).first.network
-        row, column = sites(self.scene, network.position)
-        layers = len(row) // len({*zip(row.tolist(), column.tolist(), strict=True)})
-        known = {(int(r), int(c), n % layers): n for n, (r, c) in enumerate(zip(row, column, strict=True))}
-        moved = {int(n) for each in network.drives if each.moves for n in each.spheres}
-        rows, spheres, ways = _ROWS[network.dimension], [], []
-        for each in self.points:
-            place = each.row, self._only(each, "column", int(column.max())), self._only(each, "layer", layers - 1)
-            if place not in known:
-                raise TheoryError(f"line {each.line}: row {place[0]}, column {place[1]}, layer {place[2]}: no sphere")
-            if known[place] in moved:
-                raise TheoryError(f"line {each.line}: a source moves the sphere of this trace; take another sphere")
-            name, _, axis = each.kind.partition("_")
-            still = f"{_RATES.get(name, name)}_{axis}"
-            if still not in rows:
-                raise TheoryError(f"line {each.line}: {each.kind}: spheres in the plane have {', '.join(rows)} alone")
-            spheres.append(known[place])
-            ways.append(rows.index(still) + len(rows) * (name in _RATES))
-        every, which = np.unique(spheres, return_inverse=True)
-        return every, which, np.array(ways)
+        return cls.of_run(Record.load(path)) if Path(path).is_dir() else cls.of_table(path)
 
-    @staticmethod
-    def _only(point: Point, name: str, last: int) -> int:
-        """Return a column or layer of a point, which may be left out where there is one."""
-        value = int(getattr(point, name))
-        if value < 0 < last:
-            raise TheoryError(f"line {point.line}: a {point.kind} needs {name}, from 0 to {last}")
-        return max(value, 0)
+    @classmethod
+    def of_run(cls, record: Record) -> "Traces":
+        """Return the displacements of all monitors of a run."""
+        if not record.scene.monitor:
+            raise ValueError(f"{record.folder}: has no [[monitor]], whose spheres are the traces")
+        scales = scales_of(record)
+        found = [record.monitor(each.name) for each in record.scene.monitor]
+        times = found[0].tau * scales.time * scales.second
+        ways = np.concatenate([each.displacement for each in found], axis=1) * scales.length * scales.metre
+        motion = {name: ways[..., axis] for axis, name in zip(range(ways.shape[2]), _TAKEN[0], strict=False)}
+        row, column = (np.concatenate([getattr(each, name) for each in found]) for name in ("row", "column"))
+        layers = [each.crystal.arrays.get("layer", np.zeros(len(each.crystal), dtype=np.intp)) for each in found]
+        layer = np.concatenate([own[each.spheres] for own, each in zip(layers, found, strict=True)])
+        return cls(str(record.folder), times, row, column, layer, motion).checked()
 
-    @cached_property
-    def _reading(self) -> "_Reading":
-        """How the points are read off the motion of the recorded spheres."""
-        _, which, row = self._chosen
-        freedoms = len(_ROWS[self._begun(self.scene).first.network.dimension])
-        before = np.minimum((self._times / self.step).astype(np.intp), self.steps - 1)
-        x, rate = self._times / self.step - before, row >= freedoms
-        values = [2 * x**3 - 3 * x**2 + 1, x**3 - 2 * x**2 + x, 3 * x**2 - 2 * x**3, x**3 - x**2]
-        slopes = [6 * x**2 - 6 * x, 3 * x**2 - 4 * x + 1, 6 * x - 6 * x**2, 3 * x**2 - 2 * x]
-        return _Reading(before, which, row % freedoms, row % freedoms + freedoms, np.where(rate, slopes, values), rate)
+    @classmethod
+    def of_table(cls, path: str | Path) -> "Traces":
+        """Return the traces of a table."""
+        measured, _ = points.read(path, [*_TAKEN[0], *_TAKEN[1]])
+        there = {each.kind for each in measured}
+        names = next(names for names in _TAKEN if there.intersection(names))
+        own = [each for each in measured if each.kind in names]
+        times, when = np.unique([each.time for each in own], return_inverse=True)
+        places, where = np.unique([(each.row, each.column, each.layer) for each in own], axis=0, return_inverse=True)
+        which = [*zip((each.kind for each in own), when.tolist(), where.ravel().tolist(), strict=True)]
+        if len({*which}) < len(which):
+            raise TableError(f"{path}: two lines are of one sphere at one time")
+        motion = {name: np.full((len(times), len(places)), np.nan) for name in names if name in there}
+        for (name, moment, place), each in zip(which, own, strict=True):
+            motion[name][moment, place] = each.value
+        row, column, layer = places.astype(np.intp).T
+        return cls(str(path), times, row, column, layer, motion).checked()
 
-    def _begun(self, scene: Scene) -> _Begun:
-        first, _ = first_of(scene)
-        scales = first.scales
-        sizes = {"displacement": scales.metre, "velocity": scales.metre / scales.second, "spin": 1 / scales.second}
-        units = [sizes.get(each.kind.partition("_")[0], 1.0) for each in self.points]
-        return _Begun(first, self.step / scales.second, np.array(units))
+    def checked(self) -> "Traces":
+        """Return these; ValueError for fewer than four times, or unequal ones."""
+        apart = np.diff(self.time)
+        if len(self.time) < _FEWEST or np.ptp(apart) > _EQUAL * apart.mean():
+            raise ValueError(f"{self.said}: must have at least {_FEWEST} times with equal steps between them")
+        return self
 
-    def predicted(self, scene: Scene) -> Floats:
-        """Return what the points would be, (N,), by a run in compiled loops, or in NumPy without a C compiler."""
-        spheres, begun = self._chosen[0], self._begun(scene)
-        march = import_module(STEPS["C" if library() else "NumPy"]).march
-        run = march(begun.first.network, begun.first.state, begun.step, self.steps, 1)
-        motion = np.array([each[:, spheres] for each in run])
-        return np.asarray(_read(motion, begun.step, *self._reading) * begun.units)
+    @property
+    def rms(self) -> float:
+        """Return the root mean square of all values."""
+        values = np.concatenate([each[np.isfinite(each)] for each in self.motion.values()])
+        return float(np.sqrt(np.mean(values**2)))
 
-    def slopes(self, at: Callable[[Floats], Scene], values: Floats) -> Floats:
-        """Return the slopes (N, P) of the points by the values (P,) of which `at` makes a scene.
+    def spheres(self, scene: Scene, position: Floats) -> Integers:
+        """Return the index of each sphere in a scene, (n,); TheoryError for a place that the scene lacks or has twice.
 
-        Raises TheoryError without JAX, where a contact opens, closes or slides, and for a key with whose change other
-        spheres may touch.
+        `position` (N, d) are the places of its spheres at rest.
         """
-        if find_spec("jax") is None:
-            raise TheoryError("JAX is not installed: pip install 'granular-lmp[jax]'")
-        NetworkEngine.on("jax")  # keeps what it compiles for the next command
-        import jax  # an extra, and slow to import
+        places = zip(self.row.tolist(), self.column.tolist(), self.layer.tolist(), strict=True)
+        found = spheres_at(((self.said, *place) for place in places), scene, position)
+        if len({*found.tolist()}) < len(found):
+            raise TheoryError(f"{self.said}: a sphere is there twice, as in two monitors")
+        return found
 
-        from granular_analysis.theory import network_gradient
-        from granular_analysis.theory.network_factors import Run
-
-        reference = self._begun(self.scene).first.network
-
-        def started(begun: _Begun) -> tuple[Run, dict[str, Any]]:
-            """Return a run of the traits of the start, for which it is compiled, and the factor of its dashpots."""
-            own = begun.first.network
-            network = replace(own, **{name: getattr(reference, name) for name in _TRAITS})
-            run = Run(network, begun.first.state, begun.step, self.steps, 1, self._chosen[0])
-            return run, {"damping": np.asarray(_loss(own) / (_loss(reference) or 1.0))}
-
-        here = self._begun(at(values))
-        run, factors = started(here)
-        ways, units = [], []
-        for change in np.diag(_APART * np.where(values, np.abs(values), 1.0)):
-            ends = [self._begun(at(values + far * change)) for far in _STENCIL]
-            runs, losses = zip(*map(started, ends), strict=True)
-            if not all(_alike(each, run) for each in runs):
-                raise TheoryError("other spheres may touch, or other effects are on, when a key changes")
-            slope = partial(_slope, size=change.sum())
-            ways.append(jax.tree.map(slope, *((each.given, loss) for each, loss in zip(runs, losses, strict=True))))
-            units.append(_slope(*(each.units for each in ends), size=change.sum()))
-        read = jax.tree_util.Partial(_read_off, reading=self._reading)
-        found, slopes = network_gradient.jacobian(run, read, factors, ways)
-        return np.asarray(slopes * here.units[:, None] + found[:, None] * np.array(units).T)
+    def at(self, grid: Floats) -> dict[str, Floats]:
+        """Return the motion at other times, (G, n) by name, nan outside of those that are there, and in gaps."""
+        apart = self.time[1] - self.time[0]
+        index = np.rint((grid - self.time[0]) / apart).astype(np.intp)
+        inside = (index >= 0) & (index < len(self.time))
+        index = index.clip(0, len(self.time) - 1)
+        if np.all(np.abs(self.time[index] - grid)[inside] < _EQUAL * apart):
+            return {name: np.where(inside[:, None], each[index], np.nan) for name, each in self.motion.items()}
+        return {
+            name: np.array([_splined(self.time, own, grid) for own in each.T]).T for name, each in self.motion.items()
+        }
 
 
-class _Reading(NamedTuple):
-    """How N points are read off motions.
+def _splined(time: Floats, values: Floats, grid: Floats) -> Floats:
+    """Return values (T,) at the times of a grid, by a spline through each part of four samples without a gap."""
+    from scipy.interpolate import CubicSpline  # slow to import
 
-    Attributes
-    ----------
-    before : step before each.
-    which : of the recorded spheres each is of.
-    place, speed : rows of its displacement or turn, and of the velocity or spin.
-    weights : (4, N) of place and speed before and after it; speeds count as ways in a step.
-    rate : whether it is a velocity or spin.
+    found = np.full(len(grid), np.nan)
+    known = np.flatnonzero(np.isfinite(values))
+    for part in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        if len(part) >= _FEWEST:
+            inside = (grid >= time[part[0]]) & (grid <= time[part[-1]])
+            found[inside] = CubicSpline(time[part], values[part])(grid[inside])
+    return found
+
+
+def spheres_at(places: Iterable[tuple[str, int, int, int]], scene: Scene, position: Floats) -> Integers:
+    """Return the indices of spheres by what names a place, and its row, column and layer.
+
+    A column or layer of −1 is left out, where there is one alone. Raises TheoryError for places that are not there.
     """
-
-    before: Integers
-    which: Integers
-    place: Integers
-    speed: Integers
-    weights: Floats
-    rate: NDArray[np.bool_]
-
-
-def _read(
-    motion: Any, step: Any, before: Integers, which: Integers, place: Any, speed: Any, weights: Any, rate: Any
-) -> Any:
-    """Return the points (N,) of motions (steps + 1, 2f, n), of NumPy or of JAX, in units of the deck."""
-    ends = [(before, place), (before, speed), (before + 1, place), (before + 1, speed)]
-    here, fast, there, faster = (motion[time, row, which] for time, row in ends)
-    found = weights[0] * here + weights[2] * there + step * (weights[1] * fast + weights[3] * faster)
-    return found * (rate / step + ~rate)
-
-
-def _read_off(found: Any, reading: _Reading) -> Any:
-    """Return the points of a record of `granular_analysis.theory.network_gradient`."""
-    return _read(found.motion, found.times[1], *reading)
-
-
-def _loss(network: Network) -> float:
-    """Return to what all dashpots of a network are proportional."""
-    return network.viscosity if network.restitution is None else damping_ratio(network.restitution)
-
-
-def _alike(run: Any, other: Any) -> bool:
-    """Return whether two runs have the same pairs and traits."""
-    one, two = run.state.pairs, other.state.pairs
-    same = np.array_equal(one.first, two.first) and np.array_equal(one.second, two.second)
-    return same and run.network.traits == other.network.traits
-
-
-def _slope(*values: Any, size: float) -> Any:
-    """Return the slope of an array of numbers by its values at `_STENCIL` times a size; whole numbers stay."""
-    if not np.issubdtype(values[0].dtype, np.floating):
-        return values[0]
-    return sum(weight * each for weight, each in zip(_WEIGHTS, values, strict=True)) / size
+    row, column = sites(scene, position)
+    layers = len(row) // len({*zip(row.tolist(), column.tolist(), strict=True)})
+    known = {(int(r), int(c), n % layers): n for n, (r, c) in enumerate(zip(row, column, strict=True))}
+    lasts = {"column": int(column.max()), "layer": layers - 1}
+    found = []
+    for said, at, *others in places:
+        for (name, last), value in zip(lasts.items(), others, strict=True):
+            if value < 0 < last:
+                raise TheoryError(f"{said}: a trace needs {name}, from 0 to {last}")
+        place = at, *(max(value, 0) for value in others)
+        if place not in known:
+            raise TheoryError(f"{said}: row {place[0]}, column {place[1]}, layer {place[2]}: no sphere")
+        found.append(known[place])
+    return np.array(found, dtype=np.intp)

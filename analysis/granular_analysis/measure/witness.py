@@ -22,16 +22,19 @@ from numpy.typing import NDArray
 from granular_analysis.theory import network_compiled, network_verlet
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.loops import library
-from granular_analysis.theory.network import Law, Material, Network
+from granular_analysis.theory.network import Law, Material, Network, Wall
 from granular_analysis.theory.network_laws import Adhesion
-from granular_analysis.theory.network_outside import Drive
+from granular_analysis.theory.network_outside import Drive, Function
 from granular_analysis.theory.network_state import start
+from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.runs.unnamed import Moment, Unnamed
 
 Floats = NDArray[np.float64]
 
 FINER = 4  # steps of the finer witness in one of the deck
 PARTED = 0.01  # of the largest speed: where a sphere is off by this, deck and witness have parted
+_ROUNDING = 1e-9  # of the velocities: a difference that needs no cause
+_EVEN = 1e-4  # relative difference of steps that are one, as times printed by %g differ
 EXPLAINED = 3.0  # times step and digits: a difference of which this is more has another cause
 _NORMAL: dict[str, Adhesion] = {"hertz/material": "dmt", "dmt": "dmt", "jkr": "jkr"}
 _SHEAR: dict[str, Law] = {"mindlin": "secant", "mindlin/force": "incremental"}
@@ -68,7 +71,14 @@ class Witness:
     @property
     def explained(self) -> bool:
         """True if step and digits are enough to explain the difference."""
-        return self.error <= EXPLAINED * (self.step + self.digits) + 1e-9
+        return self.error <= EXPLAINED * (self.step + self.digits) + _ROUNDING
+
+    @property
+    def cause(self) -> str:
+        """The name of what explains the difference most; "" where nothing does, or there is no difference."""
+        if not self.explained or self.error <= _ROUNDING:
+            return ""
+        return "the step" if self.step > self.digits else "the digits of the dump"
 
 
 def witness(crystal: Unnamed) -> Witness:
@@ -84,49 +94,67 @@ def witness(crystal: Unnamed) -> Witness:
     apart = np.diff(crystal.steps)
     if not len(apart) or np.ptp(apart):
         raise TheoryError("snapshots must be at least two, at even numbers of steps")
-    timestep = float((crystal.time[-1] - crystal.time[0]) / (crystal.steps[-1] - crystal.steps[0]))
+    timestep = timestep_of(crystal)
     first = crystal[0]
-    network = network_of(crystal, first)
-    axes = network.dimension
-    deck = crystal.stack("velocity")[..., :axes]
-    free = ~np.asarray(network.held)
+    network = network_of(crystal)
+    axes, free = network.dimension, network.mobility[0] > 0
+    spin = np.zeros((len(crystal.spheres), 3)) if first.spin is None else first.spin
+    march = network_verlet.march if library() is None else network_compiled.march
 
-    def run(places: Floats, finer: int) -> Floats:
-        """Return velocities (T, N, d) of a witness that starts from these places."""
+    def run(places: Floats, finer: int) -> Iterator[Floats]:
+        """Yield the velocities (N, d) at each snapshot of a witness that starts from these places."""
         from_here = replace(network, position=places)
-        spin = np.zeros((len(places), 3)) if first.spin is None else first.spin
         state = start(from_here, 0.0, first.velocity[:, :axes], 0.0, spin[:, 2] if axes == 2 else spin)
         every, count = int(apart[0]) * finer, int(apart.sum()) * finer
-        march = network_verlet.march if library() is None else network_compiled.march
-        rows = march(from_here, state, timestep / finer, count, every)
-        return np.array([motion[network.freedoms : network.freedoms + axes].T for motion in rows])
+        for motion in march(from_here, state, timestep / finer, count, every):
+            yield motion[network.freedoms : network.freedoms + axes].T * free[:, None]
 
-    fine = run(network.position, FINER)
-    size = float(np.linalg.norm(deck)) or 1.0
-    coarse, resolution = run(network.position, 1), crystal.known["resolution"]
+    resolution = crystal.known["resolution"]
     noise = np.random.default_rng(0).uniform(-0.5, 0.5, network.position.shape) * resolution
     noise[:, np.ptp(network.position, axis=0) == 0] = 0.0
-    rounded = run(network.position + noise, 1) if resolution else coarse
-    off = np.linalg.norm(deck - fine, axis=2) * free
-    fastest = float(np.linalg.norm(deck, axis=2).max()) or 1.0
-    late = np.flatnonzero(off.max(axis=1) > PARTED * fastest)
-    parted = (float(crystal.time[late[0]]), int(crystal.spheres[off[late[0]].argmax()])) if len(late) else None
-    moment, sphere = np.unravel_index(off.argmax(), off.shape)
+    runs = [run(network.position, FINER), run(network.position, 1)]
+    runs += [run(network.position + noise, 1)] if resolution else []
+    sums, largest, speeds, spheres = np.zeros(4), np.zeros(len(crystal)), np.zeros(len(crystal)), []
+    for number, (fine, coarse, *others) in enumerate(zip(*runs, strict=True)):
+        deck = crystal[number].velocity[:, :axes] * free[:, None]
+        rounded = others[0] if others else coarse
+        off = np.linalg.norm(deck - fine, axis=1)
+        sums += [np.sum(each**2) for each in (deck, off, coarse - fine, rounded - coarse)]
+        largest[number], speeds[number] = off.max(), np.linalg.norm(deck, axis=1).max()
+        spheres.append(int(crystal.spheres[off.argmax()]))
+    size, *shares = np.sqrt(sums)
+    fastest, farthest = float(speeds.max()) or 1.0, int(largest.argmax())
+    late = np.flatnonzero(largest > PARTED * fastest)
+    error, step, digits = (float(each / (size or 1.0)) for each in shares)
     return Witness(
         steps=int(apart.sum()),
         timestep=timestep,
-        error=float(np.linalg.norm(off)) / size,
-        step=float(np.linalg.norm(coarse - fine)) / size,
-        digits=float(np.linalg.norm(rounded - coarse)) / size,
-        largest=float(off.max()) / fastest,
-        sphere=int(crystal.spheres[sphere]),
-        time=float(crystal.time[moment]),
-        parted=parted,
-        reasons=tuple(_reasons(crystal, first)),
+        error=error,
+        step=step,
+        digits=digits,
+        largest=float(largest.max()) / fastest,
+        sphere=spheres[farthest],
+        time=float(crystal.time[farthest]),
+        parted=(float(crystal.time[late[0]]), spheres[late[0]]) if len(late) else None,
+        reasons=tuple(_reasons(crystal, network, first)),
     )
 
 
-def network_of(crystal: Unnamed, first: Moment) -> Network:
+def timestep_of(crystal: Unnamed) -> float:
+    """Return the time of a step, from the times of the snapshots.
+
+    Raises
+    ------
+    TheoryError
+        If it changes.
+    """
+    each = np.diff(crystal.time) / np.diff(crystal.steps)
+    if np.ptp(each) > _EVEN * each.max():
+        raise TheoryError(f"a step that changes is not built; it is {each.min():.6g} to {each.max():.6g}")
+    return float((crystal.time[-1] - crystal.time[0]) / (crystal.steps[-1] - crystal.steps[0]))
+
+
+def network_of(crystal: Unnamed) -> Network:
     """Return the network of an unnamed crystal at its first snapshot.
 
     Raises
@@ -143,14 +171,16 @@ def network_of(crystal: Unnamed, first: Moment) -> Network:
         raise TheoryError(f"the law of two spheres of one type is known for {len(own)} of {len(kinds)} types")
     there = {pair: law for pair, law in laws.items() if {*pair} <= {*kinds.tolist()}}
     _refuse_others(own, there)
+    _refuse_outside(crystal, own[0])
     law = own[0]
     _, cell, periodic = crystal.cell
     if periodic.any() and not np.array_equal(cell, np.diag(np.diag(cell))):
         raise TheoryError("a tilted box is not built")
-    flat = {*crystal.axes} <= {0, 1} and not first.velocity[:, 2].any()
-    spins = first.spin if first.spin is not None else np.zeros((1, 3))
-    axes = 2 if flat and not spins[:, :2].any() else 3
-    still = _still(crystal) | np.isin(crystal.spheres, crystal.known["held"])
+    outside = crystal.known["outside"]
+    still, flat = _seen(crystal)
+    axes = 2 if flat and not any(wall["axis"] == 2 for wall in outside["walls"]) else 3
+    still |= np.isin(crystal.spheres, outside["held"])
+    _refuse_restitution(crystal, law, still)
     sheared = law["tangential"] not in _ELASTIC and law["friction"] != 0  # LAMMPS bounds the shear force by it
     return Network(
         crystal.rest[:, :axes],
@@ -163,17 +193,39 @@ def network_of(crystal: Unnamed, first: Moment) -> Network:
         law=_SHEAR[law["tangential"]] if sheared else "secant",
         friction=law["friction"] if sheared else np.inf,
         shear=sheared,
+        rotation=outside["rotation"],
+        inertia_ratio=0.5 if outside["discs"] else INERTIA_RATIO,
         viscosity=law["viscosity"] if law["damping_law"] == "velocity" else 0.0,
         restitution=_restitution(law),
         adhesion=_NORMAL[law["normal"]],
         shear_mixing="lammps" if any(each["mixed"] for each in there.values()) else "mindlin",
-        drives=_pushes(crystal, axes),
+        walls=tuple(_wall(each, own, axes) for each in outside["walls"]),
+        drives=(*_pushes(crystal, axes), *_motions(crystal, axes)),
     )
+
+
+def _wall(wall: dict[str, Any], own: list[dict[str, Any]], axes: int) -> Wall:
+    """Return a plane whose contacts with each type of spheres are as stiff as LAMMPS makes them.
+
+    LAMMPS takes the material of the wall for that of the sphere too.
+    """
+    normal = wall["side"] * np.eye(axes)[wall["axis"]]
+    stiff = np.array([[_modulus(each), _shear_modulus(each)] for each in own])  # of a sphere on a rigid plane
+    factors = np.array([_modulus(wall), _shear_modulus(wall)]) / 2 / stiff
+    return Wall(tuple(wall["place"] * np.abs(normal)), tuple(normal), factors=factors)
+
+
+def _modulus(law: dict[str, Any]) -> float:
+    return float(law["young"] / (1 - law["poisson"] ** 2))
+
+
+def _shear_modulus(law: dict[str, Any]) -> float:
+    return float(law["young"] / (2 * (2 - law["poisson"]) * (1 + law["poisson"])))
 
 
 def _pushes(crystal: Unnamed, axes: int) -> tuple[Drive, ...]:
     """Return the constant forces of the deck."""
-    rows = np.array(crystal.known["pushes"]).reshape(-1, 4)
+    rows = np.array(crystal.known["outside"]["pushes"]).reshape(-1, 4)
     there = np.isin(rows[:, 0], crystal.spheres)
     spheres = np.searchsorted(crystal.spheres, rows[there, 0])
     return tuple(
@@ -181,6 +233,35 @@ def _pushes(crystal: Unnamed, axes: int) -> tuple[Drive, ...]:
         for axis, forces in enumerate(rows[there, 1 : 1 + axes].T)
         if forces.any()
     )
+
+
+def _motions(crystal: Unnamed, axes: int) -> Iterator[Drive]:
+    """Yield the prescribed motions of the deck, from the places in the first snapshot."""
+    for each in crystal.known["outside"]["motions"]:
+        spheres = np.flatnonzero(np.isin(crystal.spheres, each["spheres"]))
+        pulsation = 2 * np.pi / each["period"]
+        begun = (crystal.steps[0] - each["begin"]) * timestep_of(crystal) * pulsation
+        for axis, (rate, size) in enumerate(zip(each["velocity"][:axes], each["amplitude"], strict=False)):
+            signal, speed = _to_and_fro(rate, size, pulsation, begun)
+            yield Drive(spheres, axis, signal, moves=True, longest=1 / pulsation, size=abs(size), rate=speed)
+
+
+def _to_and_fro(rate: float, size: float, pulsation: float, begun: float) -> tuple[Function, Function]:
+    """Return displacement and velocity over time of a straight motion, and one to and fro that began at a phase."""
+    return (
+        lambda time: rate * time + size * (np.sin(pulsation * time + begun) - np.sin(begun)),
+        lambda time: rate + size * pulsation * np.cos(pulsation * time + begun),
+    )
+
+
+def _refuse_restitution(crystal: Unnamed, law: dict[str, Any], still: NDArray[np.bool_]) -> None:
+    """Raise TheoryError for a restitution beside held spheres, to which LAMMPS gives their mass unless they freeze."""
+    loose = crystal.spheres[still & ~np.isin(crystal.spheres, crystal.known["outside"]["frozen"])]
+    if _restitution(law) is not None and len(loose):
+        raise TheoryError(
+            f"damping coeff_restitution beside sphere {loose[0]}, which does not move, is not built; "
+            "the witness knows fix freeze"
+        )
 
 
 def _restitution(law: dict[str, Any]) -> float | None:
@@ -211,27 +292,64 @@ def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[s
         raise TheoryError("the types differ in more than their material, which is not built")
 
 
-def _still(crystal: Unnamed) -> NDArray[np.bool_]:
-    """Return the spheres that do not move in any snapshot: whether something holds them is not seen."""
-    still = np.ones(len(crystal.spheres), dtype=bool)
+def _refuse_outside(crystal: Unnamed, law: dict[str, Any]) -> None:
+    """Raise TheoryError for what acts on the spheres and is not in the network."""
+    outside = crystal.known["outside"]
+    for line in outside["others"]:
+        raise TheoryError(
+            f"'{line}' is not built; the witness knows constant forces, planes, and fix move wiggle, linear"
+        )
+    for wall in outside["walls"]:
+        for name in ("tangential", "friction", "damping_law", "damping"):
+            if wall[name] != law[name]:
+                raise TheoryError(f"a wall with {name} = {wall[name]} beside spheres with {law[name]} is not built")
+        if "jkr" in (wall["normal"], law["normal"]) or wall["gamma"] or wall["shear_stiffness"] is not None:
+            raise TheoryError("a wall by JKR, that adheres, or with a shear stiffness of its own is not built")
+        if wall["normal"] not in _NORMAL:
+            raise TheoryError(f"a wall of {wall['normal']} is not built; the witness knows {', '.join(_NORMAL)}")
+    places = [{wall["side"]: wall["place"] for wall in outside["walls"] if wall["axis"] == axis} for axis in range(3)]
+    if any(len(both) == 2 and both[1] - both[-1] < 2 * crystal.radius.max() for both in places):
+        raise TheoryError("a sphere that touches two opposite walls is not built; LAMMPS leaves out one of them")
+
+
+def _seen(crystal: Unnamed) -> tuple[NDArray[np.bool_], bool]:
+    """Return the spheres that move in no snapshot, and whether all stay in a plane across z and turn about z alone.
+
+    Whether something holds a sphere is not seen.
+    """
+    still, flat = np.ones(len(crystal.spheres), dtype=bool), {*crystal.axes} <= {0, 1}
     for number in range(len(crystal)):
         moment = crystal[number]
         still &= np.all(moment.place == crystal.rest, axis=1) & ~moment.velocity.any(axis=1)
-    return still
+        flat &= not moment.velocity[:, 2].any() and (moment.spin is None or not moment.spin[:, :2].any())
+    return still, flat
 
 
-def _reasons(crystal: Unnamed, first: Moment) -> Iterator[str]:
+def _reasons(crystal: Unnamed, network: Network, first: Moment) -> Iterator[str]:
     """Yield what the witness cannot know of the deck."""
-    known = crystal.known
-    sheared = any(each["tangential"] not in _ELASTIC for each in known["laws"])
-    if crystal.steps[0] and sheared:
-        yield f"the first snapshot is of step {crystal.steps[0]}: the slip of its contacts is in no dump"
-    if first.spin is None and sheared:
+    outside, step = crystal.known["outside"], int(crystal.steps[0])
+    slips = network.shear and len(crystal.contacts(first).first) > 0
+    if slips and (outside["history"] or step > (outside["begin"] or 0)):
+        yield f"the first snapshot is of step {step}: the slip of its contacts is in no dump"
+    forgotten = outside["forgotten"]
+    if slips and forgotten is not None and step < forgotten < crystal.steps[-1]:
+        yield f"the deck forgets the slip of its contacts at step {forgotten}, where it goes on from a data file"
+    unknown = step != outside["begin"] or not outside["unturned"]
+    if first.spin is None and unknown and network.shear and network.rotation:
         yield "the dump holds no spins (omegax, omegay, omegaz); the witness begins without"
     if any("differences" in each for each in crystal.info["remarks"]):
         yield "the dump holds no velocities; they are differences of places"
-    for command in known["acting"]:
-        yield f"the witness leaves out '{command}'"
+    if network.shear and (turning := _turning_held(crystal, network)):
+        yield f"sphere {turning} turns in the deck, which does not move it; the witness does not turn it"
+
+
+def _turning_held(crystal: Unnamed, network: Network) -> int:
+    """Return the number of a held sphere whose spin changes; 0 if there is none, or spins are not known."""
+    begun, ended = crystal[0].spin, crystal[len(crystal) - 1].spin
+    if begun is None or ended is None or network.held is None:
+        return 0
+    turning = crystal.spheres[network.held & np.any(begun != ended, axis=1)]
+    return int(turning[0]) if len(turning) else 0
 
 
 def table(crystal: Unnamed, found: Witness) -> str:
@@ -251,6 +369,8 @@ def table(crystal: Unnamed, found: Witness) -> str:
     else:
         when, sphere = found.parted
         lines.append(f"they part by {PARTED:.0%} of the largest speed at {when:.6g} {time}, first at sphere {sphere}")
+    if found.cause:
+        lines.append(f"{found.cause} explains this" if found.cause == "the step" else f"{found.cause} explain this")
     if not found.explained:
         lines.append("neither step nor digits explain this: the deck does something that law and dump do not say")
     return "\n".join([*lines, *(f"note: {each}" for each in found.reasons)])

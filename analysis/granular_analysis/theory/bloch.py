@@ -1,12 +1,12 @@
-"""The paper's crystal at a wave vector: its bonds, directions and modes, in the gauge W = (u, v, f), φ = i f.
+"""Crystal of the paper at a wave vector: its bonds, directions and modes, in the gauge W = (u, v, f), φ = i f.
 
-`hexagonal` is the paper's crystal for the theory of any. Inversion together with reversal of time maps a wave
-exp i(k·r − Ωτ) on itself, so that a mode has real (u, v) and an imaginary φ = i f: W is real. Units: displacements and
-φ in Δ0, time in t0, wave vectors in 1/lattice constant, x along a close-packed row. Where spheres do not turn there are
-two modes, not three.
+`hexagonal` makes this crystal for the theory of any crystal. Inversion together with time reversal maps a wave exp
+i(k·r − Ωτ) on itself, so a mode has real (u, v) and an imaginary φ = i f: W is real. Units: displacements and φ in Δ0,
+time in t0, wave vectors in 1/lattice constant, x along a close-packed row. If spheres do not turn there are two modes
+instead of three.
 
-L, TR and RT name modes where a mirror holds k, along y and along x. Elsewhere each mode moves in u, v and φ, and the
-names are labels that jump where two branches exchange roles.
+Along y and x, where a mirror plane contains k, L, TR and RT are exact names. Elsewhere each mode moves in u, v and φ,
+and the names are labels that jump where two branches exchange character.
 
 When it breaks: where two branches touch, the eigenvectors of the pair are arbitrary.
 """
@@ -58,7 +58,7 @@ def hexagonal(contact: Contact) -> Crystal:
 
 
 def in_plane(field: Field) -> Field:
-    """Return (u, v, φ) (..., 3) of a field (..., 1, 6) of a crystal of one sphere a cell."""
+    """Return (u, v, φ) (..., 3) of a field (..., 1, 6) in a crystal with one sphere per cell."""
     return cast(Field, field[..., 0, list(PLANE)])
 
 
@@ -69,7 +69,7 @@ def pair_of(
 
     sign is 1 for their sum, −1 for the difference. Amplitudes are in Δ0 per product of those of the two.
 
-    Raises ValueError for another sign, a branch that is not there, and dashpots.
+    Raises ValueError for another sign, an unknown branch, and dashpots.
     """
     if sign not in (1, -1):
         raise TheoryError(f"sign is {sign!r}; allowed: 1 (sum), -1 (difference)")

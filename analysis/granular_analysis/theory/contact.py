@@ -1,9 +1,8 @@
-"""One contact of the crystal: what every theory here knows of the spheres, and what each derives from it.
+"""Contact of the crystal, from which every theory here derives its constants.
 
-The paper's contact is Hertz–Mindlin's, with κ = g1/k1 = 2(1−ν)/(2−ν). `Contact` says how a lattice departs from it, and
-is the only description of one: `granular_analysis.theory.bloch.hexagonal` makes the crystal of it,
-`granular_analysis.theory.lattice` takes all of it, and `granular_analysis.second_harmonic` the paper's alone
-(`Contact.closed`).
+The contact of the paper is a Hertz–Mindlin contact, with κ = g1/k1 = 2(1−ν)/(2−ν). `Contact` describes departures from
+it: `granular_analysis.theory.bloch.hexagonal` makes the crystal, `granular_analysis.theory.lattice` supports all of it,
+and `granular_analysis.second_harmonic` only the contact of the paper (`Contact.closed`).
 """
 
 from dataclasses import dataclass
@@ -25,29 +24,30 @@ LAWS: tuple[Law, ...] = get_args(Law)
 
 @dataclass(frozen=True)
 class Contact:
-    """A Hertz–Mindlin contact between equal spheres, and the lattice that it makes.
+    """Hertz–Mindlin contact between equal spheres, and the lattice that it makes.
 
     Attributes
     ----------
     poisson_ratio : ν of the spheres, in [−1, 0.5].
-    law : of the shear force: "secant" (the paper; LAMMPS mindlin), "incremental" (LAMMPS mindlin/force) or "potential"
+    law : law of the shear force: "secant" (the paper; LAMMPS mindlin), "incremental" (LAMMPS mindlin/force) or
+    "potential"
         (conservative); see `granular_analysis.theory.bonds`.
-    overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres in LAMMPS.
-    prestress : F0/(F0 + F) in [0, 1], F the pull that parts a contact, which is the adhesive force in the DMT law: 0 if
-        adhesion holds the lattice, 1 if compression does.
+    overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the geometry of the paper, 2.5e-4 that of its silica spheres in LAMMPS.
+    prestress : F0/(F0 + F) in [0, 1] with the pull-off force F, the adhesive force in the DMT law: 0 if adhesion holds
+        the lattice, 1 if compression does.
     shear : whether contacts resist shear.
     rotation : whether the spheres turn, which they do only if contacts resist shear.
     viscosity : c ≥ 0 of a dashpot in every closed contact, in m/t0 (LAMMPS damping velocity).
     restitution : coefficient in (0, 1] that sets the dashpot instead (LAMMPS damping coeff_restitution); None: none.
     inertia : Ĩ = I/(mR²) > 0 of the sphere, without the factor of η.
-    stiffness_ratio : κ > 0 of measured stiffnesses in place of that of ν, of a contact without JKR's law; None: ν's.
-    adhesion_law : "dmt", or "jkr", whose contacts adhere beyond an overlap of 0 (`granular_analysis.theory.adhesion`).
+    stiffness_ratio : κ > 0 of measured stiffnesses, not for JKR contacts; None: from ν. adhesion_law : "dmt", or "jkr",
+    whose contacts adhere beyond an overlap of 0 (`granular_analysis.theory.adhesion`).
 
     Raises
     ------
     ValueError
-        For a value outside these ranges, and for what does not go together: "potential" with η > 0 or with "jkr",
-        "jkr" without adhesion, restitution with viscosity or with adhesion (LAMMPS refuses the latter too).
+        For a value outside these ranges, and for impossible combinations: "potential" with η > 0 or with "jkr", "jkr"
+        without adhesion, restitution with viscosity or with adhesion (LAMMPS refuses the latter too).
     """
 
     poisson_ratio: float
@@ -89,13 +89,13 @@ class Contact:
 
     @classmethod
     def of(cls, sphere: Any, **others: Any) -> Self:
-        """Return the contact of spheres under their compressive force, in LAMMPS's geometry.
+        """Return the contact of spheres under their compressive force, in the geometry of LAMMPS.
 
         Parameters
         ----------
         sphere : with ν, overlap ratio, forces, adhesion and factors of measured stiffnesses, as
             `granular_lmp.crystal.sphere.Sphere` has them
-        others : attributes that no sphere has
+        others : attributes that a sphere does not have
         """
         number, (normal, shear) = sphere.poisson_ratio, sphere.factors
         return cls(
@@ -109,7 +109,7 @@ class Contact:
 
     @cached_property
     def kappa(self) -> float:
-        """κ = g1/k1 of the spheres, which sets the units; a contact without shear has none of its force."""
+        """κ = g1/k1 of the spheres, which sets the units, also for a contact without shear forces."""
         return self._ratios.kappa * self.adhesion.excess
 
     @property
@@ -141,7 +141,7 @@ class Contact:
 
     @property
     def softening(self) -> float:
-        """χ = F0/(k1(2R−Δ0)), the stiffness that compression takes from a sideways shift, in k1."""
+        """χ = F0/(k1(2R−Δ0)): the transverse stiffness lost by compression, in k1."""
         return self.overlap_ratio / (1.0 - self.overlap_ratio) * self.adhesion.load / 1.5
 
     @cached_property
@@ -151,17 +151,17 @@ class Contact:
 
     @cached_property
     def incremental(self) -> bool:
-        """True if the shear force itself is the state, not the slip."""
+        """True if the state is the shear force, not the slip."""
         return self.law == "incremental"
 
     @cached_property
     def has_history(self) -> bool:
-        """True if the shear of a contact is a state of its own rather than a function of the displacements."""
+        """True if the shear of a contact is a separate state rather than a function of the displacements."""
         return self.shear and (self.incremental or self.overlap_ratio > 0)
 
     @cached_property
     def dashpot(self) -> float:
-        """Viscosity at rest, in m/t0: that declared, or that of the restitution coefficient."""
+        """Viscosity at rest, in m/t0: as declared, or from the restitution coefficient."""
         return self.viscosity if self.restitution is None else restitution_viscosity(self.restitution, self.kappa)
 
     def refuse_dashpots(self) -> None:
@@ -171,7 +171,7 @@ class Contact:
 
     @property
     def departures(self) -> tuple[str, ...]:
-        """Return what of the contact the closed form of the paper does not hold, by name; dashpots are left out."""
+        """Return the names of what the closed form of the paper does not include; dashpots are not named."""
         paper = {"law": "secant", "prestress": 0.0, "shear": True, "rotation": True, "adhesion_law": "dmt"}
         return tuple(
             f"{name} = {getattr(self, name)!r}" for name, value in paper.items() if getattr(self, name) != value
@@ -179,17 +179,17 @@ class Contact:
 
     @cached_property
     def closed(self) -> Ratios:
-        """Constants of `granular_analysis.second_harmonic`; raises ValueError for a contact that it does not hold."""
+        """Constants of `granular_analysis.second_harmonic`; ValueError for a contact that it does not include."""
         if self.departures:
             raise TheoryError(f"the closed form does not hold {', '.join(self.departures)}")
         return self._ratios
 
 
 def ratios_of(scene: Any) -> Ratios:
-    """Return the constants of the closed form for the crystal of a scene, in LAMMPS's geometry.
+    """Return the constants of the closed form for the crystal of a scene, in the geometry of LAMMPS.
 
-    Raises TheoryError for what the closed form does not hold: another lattice, compression, which bends a contact that
-    turns (prestress), another law of shear or adhesion, spheres that do not turn, and contacts without shear.
+    Raises TheoryError for what the closed form does not include: another lattice, compression (prestress), another law
+    of shear or adhesion, spheres that do not turn, and contacts without shear.
 
     Examples
     --------

@@ -1,15 +1,15 @@
-"""Any periodic crystal of spheres, in the plane or in space: its contacts, found from places and radii, and its modes.
+"""Periodic crystal of spheres, in the plane or in space: its contacts, found from places and radii, and its modes.
 
 A cell of B spheres repeats by one, two or three vectors (a chain, a plane, space); walls are planes at rest. Spheres
-have six freedoms (u, φ = Rθ), of which a plane keeps (u_x, u_y, φ_z): a constraint, no other theory. Spheres touch
-where their centres are nearer than their radii add up to. Their laws are those of `granular_analysis.theory.bonds`.
+have six freedoms (u, φ = Rθ); in the plane (u_x, u_y, φ_z) remain, by a constraint within the same theory. Spheres
+touch if their centres are closer than the sum of their radii. `granular_analysis.theory.bonds` has their laws.
 
-**Modes** U e^{i(k·r − ωt)}, r the place of each sphere, with D U = ω²M U. Torques have the arm R − δ/2, which the
-moment of inertia takes over: I/(1 − δ/2R). Where the contacts of a sphere have different δ or R, the rest is no
-symmetric matrix, and modes come with their duals: what a force does to mode j is dual_j·M⁻¹F.
+**Modes** U e^{i(k·r − ωt)}, r the place of each sphere, with D U = ω²M U. Torques have the arm R − δ/2, which is
+absorbed in the moment of inertia: I/(1 − δ/2R). If the contacts of a sphere have different δ or R, the remaining matrix
+is not symmetric, and modes have duals: the effect of a force on mode j is dual_j·M⁻¹F.
 
-Units are any consistent ones; wave vectors are in those of 1/place. `granular_analysis.theory.bloch.hexagonal` is the
-paper's crystal in its own.
+Units are any consistent ones, with wave vectors in 1/place. `granular_analysis.theory.bloch.hexagonal` is the crystal
+of the paper in its units.
 """
 
 from collections.abc import Sequence
@@ -72,15 +72,14 @@ class Modes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Crystal:
-    """A periodic crystal at rest.
+    """Periodic crystal at rest.
 
     Attributes
     ----------
     bonds : its contacts.
     mass : (B, 6) M: masses, and moments of inertia over R² and the mean arm/R.
     position : (B, 3) places of the spheres of a cell.
-    vectors : (d, 3) by which the cell repeats.
-    freedoms : those of the six that move: `PLANE`, `SPACE`, or fewer.
+    vectors : (d, 3) lattice vectors. freedoms : moving ones of the six freedoms: `PLANE`, `SPACE`, or fewer.
     """
 
     bonds: Bonds
@@ -100,7 +99,7 @@ class Crystal:
 
     @cached_property
     def even(self) -> bool:
-        """True if all contacts of a sphere have one arm, so that D is symmetric."""
+        """True if all contacts of each sphere have equal arms, so that D is symmetric."""
         return not self.turns or bool(np.all(np.abs(self.bonds.arms - 1.0) < _EVEN))
 
     @property
@@ -110,7 +109,7 @@ class Crystal:
 
     @cached_property
     def highest(self) -> float:
-        """Return a bound of all frequencies: that of a sphere whose neighbours move against it."""
+        """Return an upper bound of all frequencies: that of a sphere whose neighbours move against it."""
         law, bonds = self.bonds.law, self.bonds
         stiff = law.stiffness + np.abs(law.push) * bonds.curving + 2 * law.shear * (1 + self.turns)
         total = np.zeros(len(self))
@@ -133,9 +132,9 @@ class Crystal:
 
     @cached_property
     def symmetry(self) -> Mirror | None:
-        """Return the mirror that tells modes of one frequency apart; None in the plane.
+        """Return the mirror that separates degenerate modes; None in the plane.
 
-        It is z → −z, or else x → −x: waves along y have it in most lattices.
+        It is z → −z, or else x → −x, which waves along y have in most lattices.
         """
         normals = np.eye(3)[[2, 0]] if 2 in self.freedoms else np.zeros((0, 3))
         return next((mirror for normal in normals if (mirror := self.mirror(normal)) is not None), None)
@@ -143,7 +142,7 @@ class Crystal:
     def parity(self, shapes: Complexes, wavevector: ArrayLike, mirror: Mirror | None = None) -> Floats:
         """Return 1 for modes (..., B, 6) that are even under a mirror with k in it, by default `symmetry`.
 
-        −1 for odd ones, and 0 for others, or without a mirror.
+        Return −1 for odd modes, and 0 for others or without a mirror.
         """
         mirror, moved = mirror or self.symmetry, self.moving(shapes)
         if mirror is None or not _across(padded(wavevector), mirror.normal):
@@ -211,8 +210,8 @@ class Crystal:
     def modes(self, wavevector: ArrayLike) -> Modes:
         """Return all modes at wave vectors (..., 3) or (..., 2).
 
-        Where k lies in the mirror of `symmetry`, modes are even or odd, also those of one frequency, of which the even
-        one is first. Raises ValueError where one is unstable: a compressed contact that buckles.
+        If k lies in the mirror plane of `symmetry`, all modes are even or odd; of two degenerate modes the even one is
+        first. Raises ValueError if a mode is unstable: a compressed contact that buckles.
         """
         k = padded(wavevector)
         squares, shapes, duals = self._solved(k)
@@ -221,7 +220,7 @@ class Crystal:
         return Modes(np.sqrt(np.maximum(squares, 0.0)), shapes, duals)
 
     def frequencies(self, wavevector: ArrayLike) -> Floats:
-        """Return those of `modes`, (..., J), in half of the time."""
+        """Return the frequencies of `modes`, (..., J), in half of the time."""
         return np.sqrt(np.maximum(self._solved(padded(wavevector))[0], 0.0))
 
     def _solved(self, k: Floats) -> tuple[Floats, Complexes, Complexes]:
@@ -286,11 +285,10 @@ class Crystal:
         ----------
         vectors, position : (d, 2 or 3), (B, 2 or 3); two components make a crystal in the plane
         radius, density, kind : (B,) or one for all; kind is an index into `materials`
-        walls : planes that spheres touch
-        adhesion : "dmt" (Hertz's law without adhesion) or "jkr"
-        shear, rotation : whether contacts resist shear, and whether spheres turn, which they do only then
-        true_geometry : LAMMPS's, normals that turn and arms R − δ/2; False: the paper's
-        measured : stiffnesses in place of those that moduli give
+        walls : rigid planes that spheres touch adhesion : "dmt" (without work of adhesion the Hertz law) or "jkr"
+        shear, rotation : whether contacts resist shear, and whether spheres turn, which needs shear true_geometry :
+        True for the geometry of LAMMPS, with normals that turn and arms R − δ/2; False for that of the paper measured :
+        measured stiffnesses, in place of those from moduli
 
         Raises
         ------

@@ -65,7 +65,7 @@ def hierarchy_orders(mode: Mode, contact: Contact, tau: ArrayLike, *, order: int
     Raises
     ------
     ValueError
-        For an order below 2, a time that is none, and a mode that is none of the contact's.
+        For an order below 2, an invalid time, and a mode of another contact.
 
     Source: the equations of `granular_analysis.theory.lattice` (equ, eqv, eqphi of the paper).
     """

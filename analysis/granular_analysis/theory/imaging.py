@@ -193,6 +193,8 @@ class Search:
     bounds : of all values.
     known : whether the errors of the points are known.
     told : called with each trial, for a log.
+    kept : trials of the same search that were made before. As each follows from those before, the search continues as
+        if it had not been stopped.
     """
 
     misfit: Misfit
@@ -202,6 +204,7 @@ class Search:
     bounds: tuple[float, float]
     known: bool
     told: Callable[[Trial], None] = lambda _: None
+    kept: Sequence[Trial] = ()
 
     def image(self, start: Floats) -> Image:
         """Return the image; the search begins with values (P,).
@@ -214,7 +217,7 @@ class Search:
         trials: list[Trial] = []
         weight = largest
         while len(trials) < WEIGHTS:
-            trials.append(self._trial(weight, trials[-1].values if trials else start))
+            trials.append(self._trial(len(trials), weight, trials[-1].values if trials else start))
             if self.known and trials[-1].misfit <= self.points:
                 return self._between(trials)
             if len(trials) > 4 and self._ends(trials):
@@ -242,14 +245,21 @@ class Search:
                 break
             ends = [np.log(each.misfit / self.points) for each in (high, low)]
             share = np.clip(ends[0] / (ends[0] - ends[1]), 0.1, 0.9)
-            trials.append(self._trial(float(high.weight * (low.weight / high.weight) ** share), low.values))
+            trials.append(
+                self._trial(len(trials), float(high.weight * (low.weight / high.weight) ** share), low.values)
+            )
             if trials[-1].misfit > self.points:
                 high = trials[-1]
             else:
                 low = trials[-1]
         return Image(self, trials, len(trials) - 1, said)
 
-    def _trial(self, weight: float, start: Floats) -> Trial:
+    def _trial(self, number: int, weight: float, start: Floats) -> Trial:
+        trial = self.kept[number] if number < len(self.kept) else self._made(weight, start)
+        self.told(trial)
+        return trial
+
+    def _made(self, weight: float, start: Floats) -> Trial:
         whole = self.curvature + weight * self.penalty.curvature(start)
         root = np.linalg.cholesky(whole + 1e-12 * np.diag(whole).max() * np.eye(len(whole)))
         seen: list[tuple[float, Floats, float, float]] = []
@@ -265,6 +275,4 @@ class Search:
         limits = {"maxfun": _GRADIENTS, "maxiter": _GRADIENTS, "ftol": _ENOUGH, "gtol": 0.0}
         minimize(at, np.zeros(len(start)), jac=True, method="L-BFGS-B", options=limits)
         _, values, misfit, penalty = min(seen, key=lambda each: each[0])
-        trial = Trial(weight, values, misfit, penalty, len(seen))
-        self.told(trial)
-        return trial
+        return Trial(weight, values, misfit, penalty, len(seen))

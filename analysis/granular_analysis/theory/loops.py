@@ -103,7 +103,7 @@ class Slope:
         return out
 
     def stepped(self, state: Floats, step: float, count: int) -> None:
-        """Make steps of velocity Verlet in a state of the lattice; see `tests/stepped.py`."""
+        """Make steps of velocity Verlet in a state of the lattice, as tests do."""
         loop, rate = library(), np.empty_like(state)
         assert loop is not None
         loop.stepped(ctypes.addressof(self.data), address(state), address(rate), step, count)

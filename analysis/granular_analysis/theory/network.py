@@ -1,49 +1,47 @@
-"""Any packing of spheres with LAMMPS's contact laws: the witness for imperfect crystals.
+"""Packing of spheres with the contact laws of LAMMPS: an independent check for imperfect crystals.
 
 Sphere i has the place r_i, velocity v_i, spin ω_i, mass m_i = (4/3)πR_i³ρ_i and moment of inertia (2/5)m_iR_i². Two
-spheres i and j at the distance |r_j − r_i| < R_i + R_j touch, with the overlap δ = R_i + R_j − |r_j − r_i|, the normal
-n from i to j of this very moment, and
+spheres i and j at the distance |r_j − r_i| < R_i + R_j touch, with the overlap δ = R_i + R_j − |r_j − r_i|, the present
+normal n from i to j, and
 
     repulsion      P = A δ^{3/2} − F            A = (4/3) E* √Rc,   F = 2π w Rc,   Rc = R_iR_j/(R_i + R_j)
     shear force    S = B s δ^{1/2}              B = 8 G* √Rc                              [law = "secant"]
     slip           ds/dt = (v_j − v_i)_⊥ − (R_i ω_i + R_j ω_j) × n,     s = 0 where the contact closes
     force on i     S − P n, the opposite on j;  torques (R_i − δ/2) n × S on i and (R_j − δ/2) n × S on j
 
-with (·)_⊥ what is across n. These are the laws of LAMMPS's `pair_style granular` with `dmt` (`hertz/material` for
-w = 0) and `mindlin`, in the limit of a short time step. With law = "incremental" the force itself is the state,
-dS/dt = B δ^{1/2} ds/dt (`mindlin/force`). Friction limits |S| to μ(A δ^{3/2} + F); a contact that slides keeps the slip
-of its limit.
+with (·)_⊥ the part normal to n. These are the laws of `pair_style granular` in LAMMPS with `dmt` (`hertz/material` for
+w = 0) and `mindlin`, in the limit of a short time step. With law = "incremental" the state is the force, dS/dt = B
+δ^{1/2} ds/dt (`mindlin/force`). Friction limits |S| to μ(A δ^{3/2} + F); a sliding contact keeps the slip at its limit.
 
-**Plane and space.** Places of two components are of spheres that stay in the plane: of the six freedoms they have x, y
-and the turn about z. Spheres in space have all six. Slip is a vector across n, and is *transported* with its contact:
-it keeps its length, and turns as n does, but not about n, also where both spheres turn about it. LAMMPS does so too, by
-taking the part across the new normal and giving it the old length. In the plane that is a number along ẑ × n.
+**Plane and space.** Places with two components mean spheres that stay in the plane, with the freedoms x, y and the
+rotation about z. Spheres in space have six freedoms. Slip is a vector normal to n, and is *transported* with its
+contact: it keeps its length and rotates with n, but not about n, even if both spheres turn about n. LAMMPS does the
+same: it takes the part normal to the new n and restores the old length. In the plane slip is a number along ẑ × n.
 
 Dashpots add η dδ/dt to P and η ds/dt to S while a contact is closed: `viscosity` is an η for all (`damping velocity`),
 and with `restitution` e it is √5 ζ (A m')^{1/2} δ^{1/4}, ζ = −ln e/√(π² + ln² e), 1/m' = 1/m_i + 1/m_j, 0 for 1/m of a
-held sphere (`damping coeff_restitution`). A contact that slides keeps the slip with which spring and dashpot together
-have the limit. Where nothing adheres the limit is μ|P| with the dashpot in P, as in LAMMPS.
+held sphere (`damping coeff_restitution`). A sliding contact keeps the slip at which spring and dashpot together have
+the limit. Without adhesion the limit is μ|P| with the dashpot in P, as in LAMMPS.
 
-With adhesion = "jkr" the law is LAMMPS's `jkr` (`granular_analysis.theory.network_laws`): another P, the contact radius
-over √Rc in place of δ^{1/2}, and a limit of friction μ(P + 2F'), F' = (3/4) F being the largest pull. Such a contact
-begins at δ = 0 and holds beyond, until it is pulled with F'; at rest, all spheres that are within that distance touch.
+With adhesion = "jkr" the law is `jkr` of LAMMPS (`granular_analysis.theory.network_laws`): another P, the contact
+radius over √Rc in place of δ^{1/2}, and a friction limit μ(P + 2F') with the largest pull F' = (3/4) F. Such a contact
+begins at δ = 0 and holds beyond, until the pull is F'; at rest, all spheres within that distance touch.
 
 Mixing. Contacts of two kinds of spheres have 1/E* = Σ(1 − ν²)/E, 1/G* = Σ 2(2 − ν)(1 + ν)/E and w = √(w_i w_j), as
-LAMMPS says. It departs from that in one place: where a pair of types has no pair_coeff of its own and the shear
-stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with E = E* and ν = √(ν_i ν_j). That is
-about half of G*, also if the two types are of one material. `shear_mixing = "lammps"` asks for it.
+documented for LAMMPS. LAMMPS departs from this in one case: if a pair of types has no pair_coeff of its own and the
+shear stiffness is NULL, LAMMPS 22Jul2025 uses the G* of two equal spheres with E = E* and ν = √(ν_i ν_j). This is about
+half of G*, also for two types of one material. `shear_mixing = "lammps"` reproduces it.
 
-Walls are planes at rest of a material of their own. A sphere touches one with the same laws, Rc = R, and the arm R in
+Walls are planes at rest with their own material. A sphere touches a wall with the same laws, Rc = R, and the arm R in
 place of R − δ/2.
 
 Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. `granular_analysis.theory.network_state`
-holds the motion, as displacements from the places at rest, so that no digits are lost in large crystals, and the forces
-of that moment. `granular_analysis.theory.network_outside` holds pushes and prescribed motions.
-`granular_analysis.theory.network_motion` integrates it, and `granular_analysis.theory.network_ledger` keeps the books
-of energy and momentum.
+holds the motion, as displacements from rest, so that no digits are lost in large crystals, and the present forces.
+`granular_analysis.theory.network_outside` has pushes and prescribed motions, `granular_analysis.theory.network_motion`
+integrates the motion, and `granular_analysis.theory.network_ledger` balances energy and momentum.
 
-Breaks where contacts are not small against the spheres: the contacts of a sphere do not know of each other. The pull of
-spheres that are near and do not touch is left out, as in LAMMPS.
+Breaks if contacts are not small compared with the spheres, since the contacts of a sphere are independent of each
+other. The attraction of close spheres that do not touch is left out, as in LAMMPS.
 """
 
 from collections.abc import Sequence
@@ -74,7 +72,7 @@ _UNIT = 1e-12  # rounding of the square of a unit vector
 
 @dataclass(frozen=True)
 class Material:
-    """Elastic constants and adhesion of a kind of spheres: E, ν, and w between two of the kind (0: Hertz contacts)."""
+    """Elastic constants of a kind of spheres: E, ν, and w between two spheres of the kind (0: Hertz contacts)."""
 
     youngs_modulus: float
     poisson_ratio: float
@@ -150,24 +148,20 @@ class Network:
 
     Parameters
     ----------
-    position : (N, 2) or (N, 3) places at rest, which displacements are counted from. They need not be in equilibrium.
-    radius, density : (N,).
-    materials : the kinds of spheres.
-    kind : (N,) index into `materials` of each sphere; None if there is one kind.
-    held : (N,) whether a sphere feels no force: it keeps the velocity and spin it starts with. None holds none.
-    cell : periods in x, y (and z), inf where the network ends; () if it does everywhere. A period must exceed twice the
-        `reach`, so that no two spheres touch twice: three columns of equal spheres do, two do not.
-    law : of the shear force.
-    friction : μ; inf for contacts that never slide.
-    shear_mixing : rule for G* of two kinds.
-    shear, rotation : whether contacts resist shear, and whether spheres turn.
-    viscosity : η of a dashpot along the normal and the tangent of every closed contact.
-    restitution : e in (0, 1] that sets the dashpots instead, without adhesion only; None: it does not.
-    adhesion : law of the normal force.
-    factors : of the normal and of the shear forces of pairs at a given overlap, as measured stiffnesses ask for: two
-        numbers, or (K, K, 2) by pair of K materials.
-    walls, drives : what acts from outside (`granular_analysis.theory.network_outside`).
-    drag : (N,) rates, per time, at which velocity and spin of spheres decay; None: of none.
+    position : (N, 2) or (N, 3) places from which displacements are measured. They need not be in equilibrium. radius,
+    density : (N,). materials : the kinds of spheres. kind : (N,) index into `materials` of each sphere; None if there
+    is one kind. held : (N,) whether a sphere ignores forces and keeps its initial velocity and spin. None: no sphere.
+    cell : periods in x, y (and z), inf where the network ends; () if it is finite. A period must exceed twice the
+        `reach`, so that no two spheres touch twice: three columns of equal spheres are enough.
+    law : law of the shear force. friction : coefficient μ; inf for contacts that never slide. shear_mixing : rule for
+    G* between two kinds. shear, rotation : whether contacts resist shear, and whether spheres turn. inertia_ratio :
+    moment of inertia over m R²; 2/5 for a sphere, 1/2 if LAMMPS treats spheres as discs. viscosity : coefficient η of a
+    dashpot along normal and tangent of every closed contact. restitution : coefficient e in (0, 1] that sets the
+    dashpots instead, only without adhesion; None: not used. adhesion : law of the normal force. factors : factors of
+        normal and shear forces at a given overlap, for measured stiffnesses: two numbers, or (K, K, 2) for pairs of K
+        materials.
+    walls, drives : external actions (`granular_analysis.theory.network_outside`). drag : (N,) decay rates of velocity
+    and spin, per time; None: no decay.
     """
 
     position: Floats
@@ -182,6 +176,7 @@ class Network:
     shear_mixing: ShearMixing = "mindlin"
     shear: bool = True
     rotation: bool = True
+    inertia_ratio: float = 0.4
     viscosity: float = 0.0
     restitution: float | None = None
     adhesion: Adhesion = "dmt"
@@ -248,12 +243,12 @@ class Network:
 
     @cached_property
     def freedoms(self) -> int:
-        """Return how many freedoms a sphere has: d ways, and one turn in the plane, three in space."""
+        """Return the number of freedoms: d translations, and one rotation in the plane or three in space."""
         return 3 if self.dimension == 2 else 6
 
     @cached_property
     def kinds(self) -> Integers:
-        """Return the index of each sphere's material, (N,)."""
+        """Return the index of the material of each sphere, (N,)."""
         return np.zeros(len(self.position), dtype=np.intp) if self.kind is None else np.asarray(self.kind, np.intp)
 
     @cached_property
@@ -263,8 +258,8 @@ class Network:
 
     @cached_property
     def inertia(self) -> Floats:
-        """Return the moments of inertia (2/5)mR², (N,)."""
-        return 0.4 * self.mass * self.radius**2
+        """Return the moments of inertia, (2/5)mR² of spheres, (N,)."""
+        return self.inertia_ratio * self.mass * self.radius**2
 
     @cached_property
     def mobility(self) -> Floats:
@@ -282,7 +277,7 @@ class Network:
 
     @property
     def traits(self) -> Traits:
-        """Return what a step takes beside arrays."""
+        """Return the options of a step that are not arrays."""
         return Traits(
             range(len(self.position)),
             range(len(self.walls)),

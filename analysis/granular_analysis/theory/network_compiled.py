@@ -1,7 +1,7 @@
-"""The steps of `granular_analysis.theory.network_verlet` in compiled loops: the fastest on one core.
+"""Steps of `granular_analysis.theory.network_verlet` in compiled loops: the fastest on one core.
 
-They have the formulas of NumPy, which are the reference, with sums in another order. On one machine motions are the
-same to the last bit, however a run is divided.
+They use the formulas of the NumPy version, which is the reference, with sums in another order. On one machine motions
+are the same to the last bit, however a run is divided.
 
 When it breaks: it needs a C compiler (`granular_analysis.theory.loops`).
 """

@@ -1,7 +1,7 @@
-"""A run as a function of factors: of each sphere, of each contact, of the start, and of each signal.
+"""Run as a function of factors for each sphere, each contact, the start, and each signal.
 
-A run of `granular_analysis.theory.network_traced` from a state depends on factors, which change nothing where they are
-1, or 0 for a phase and a delay:
+A run of `granular_analysis.theory.network_traced` from a state depends on factors, which have no effect if they are 1,
+or 0 for a phase and a delay:
 
     density          (N,) of the density of each sphere
     radius           (N,) of its radius, with the mass, the stiffnesses and the overlaps that follow; places stay
@@ -15,7 +15,7 @@ A run of `granular_analysis.theory.network_traced` from a state depends on facto
     delay            (D,) by which each signal is late, in units of time
     adhesion         (M,) of the pull of each pair, with the overlap at rest at which its force stays what it is there
 
-A delay traces the signal itself, which has to take arrays of JAX: all of `granular_analysis.theory.signals` do.
+A delay differentiates the signal, which must accept arrays of JAX, as all of `granular_analysis.theory.signals` do.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -91,16 +91,14 @@ class Given(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A run whose record is differentiated.
+    """Run whose record can be differentiated.
 
     Attributes
     ----------
-    network, state : as of `granular_analysis.theory.network_state.start`; pairs are not searched again.
-    step : length of a step.
-    samples, every : number of records after the start, and the steps between two.
-    spheres : (n,) indices of those recorded.
-    contacts : (C,) pairs through which the power is recorded.
-    quadrature : (2f, N) motion at the start of the wave that is ahead by a quarter of a period, for a phase.
+    network, state : as from `granular_analysis.theory.network_state.start`; pairs are not searched again. step : length
+    of a step. samples, every : number of records after the start, and the steps between two. spheres : (n,) indices of
+    the recorded spheres. contacts : (C,) pairs whose power is recorded. quadrature : (2f, N) initial motion of the wave
+    a quarter of a period ahead, for a phase.
     """
 
     network: Network
@@ -113,7 +111,7 @@ class Run:
     quadrature: Floats | None = None
 
     def neutral(self, *names: str) -> dict[str, Floats]:
-        """Return factors by name that change nothing."""
+        """Return factors without effect, by name."""
         if unknown := [name for name in names if name not in FACTORS]:
             raise TheoryError(f"{unknown[0]!r}: is no factor of a run; {', '.join(FACTORS)} are")
         if "phase" in names and self.quadrature is None:
@@ -123,7 +121,7 @@ class Run:
         return {name: np.full(shapes[each], value) for name, (value, each) in FACTORS.items() if name in names}
 
     def plan(self, factors: Factors) -> Plan:
-        """Return what the run with such factors is compiled for."""
+        """Return the settings for which a run with such factors is compiled."""
         return Plan(self.network.traits, self.samples, self.every, self if "delay" in factors else None)
 
     @cached_property

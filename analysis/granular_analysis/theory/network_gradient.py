@@ -1,21 +1,21 @@
-"""The gradient of a whole run: how a number that is read off a record depends on each sphere, contact and signal.
+"""Gradient of a whole run: how a number from its record depends on each sphere, contact and signal.
 
-Numbers are functions of a `Record`, such as those of `granular_analysis.theory.network_objectives`; what they depend on
-are the factors of `granular_analysis.theory.network_factors`.
+Numbers are functions of a `Record`, such as those of `granular_analysis.theory.network_objectives`; they depend on the
+factors of `granular_analysis.theory.network_factors`.
 
 Reverse mode (`gradient`) costs four to eight runs for any number of factors, with the memory of 2 √steps states: each
 of √steps parts is run again on the way back, and so is each of its steps. Forward mode (`derivative`) costs as much for
 one direction, and holds no states. The change of the gradient along a direction (`hessian_product`) is forward over
 reverse mode, and costs 15 to 40 runs.
 
-Good values: numbers of samples, or of steps between two, with a divisor that makes a part of about √steps: parts are
-whole samples of equal number, or equal parts of each sample.
+Good values: a number of samples, or of steps per sample, with a divisor that gives parts of about √steps: parts are
+equal numbers of whole samples, or equal parts of each sample.
 
-When it breaks: where a contact opens, closes or slides the record has a kink, and a derivative is that of one side of
-it. `events` tells which contacts do, and how near the others are; all here refuse such a run unless they are asked.
-Where a force jumps as well, as where an adhesive contact opens or closes or a sheared one opens, that derivative is not
-that of the motion: steps of fixed length do not see that the jump comes earlier or later, by (ΔF/m)(dx/da)/v of the
-velocity for a jump ΔF at the speed v. Contacts of Hertz that are not sheared have no jump, nor has sliding.
+When it breaks: if a contact opens, closes or slides, the record has a kink and a derivative is one-sided. `events`
+names such contacts, and how near the others are; the functions here refuse such a run by default. If a force also
+jumps, as when an adhesive contact opens or closes or a sheared contact opens, this derivative is not that of the
+motion: steps of fixed length ignore that the jump comes earlier or later, which changes the velocity by (ΔF/m)(dx/da)/v
+for a jump ΔF at the speed v. Hertz contacts without shear have no jump, and neither has sliding.
 
 Source: A. Griewank and A. Walther, Evaluating Derivatives (2008), chapters 3 and 12.
 """
@@ -52,8 +52,8 @@ class Record(NamedTuple):
     ----------
     times : (T + 1,).
     motion : (T + 1, 2f, n) displacements, turns, velocities, spins of the spheres.
-    power : (T + 1, C) that each of the contacts carries from its first to its second sphere: half of what the second
-        gets from it, less half of what the first does.
+    power : (T + 1, C) that each contact carries from its first to its second sphere: half of the power on the second,
+        minus half of the power on the first.
     """
 
     times: Any
@@ -231,7 +231,7 @@ def record(run: Run, factors: Factors) -> Record:
     Raises
     ------
     TheoryError
-        For spheres that move so far that others may touch.
+        If spheres move so far that new contacts are possible.
     """
     found, looks = _recorded(run.plan(factors), run.given, on_device(dict(factors)))
     _refuse(_events(run, *looks), kinks=True)
@@ -241,7 +241,7 @@ def record(run: Run, factors: Factors) -> Record:
 def gradient(
     run: Run, objective: Objective, factors: Factors, *, kinks: bool = False
 ) -> tuple[float, dict[str, Floats]]:
-    """Return a number that is read off the record of a run, and its gradient.
+    """Return a number from the record of a run, and its gradient.
 
     Parameters
     ----------
@@ -250,14 +250,14 @@ def gradient(
         `Record` → a number, by functions of ``jax.numpy``; as a ``jax.tree_util.Partial`` it is compiled once for all
         arrays of equal shapes that it holds.
     factors : mapping
-        Of `Run.neutral` or near it, by name; those that are not given change nothing, and have no gradient.
+        Factors by name, such as `Run.neutral`; factors that are not given have no effect and no gradient.
     kinks : bool
-        Take a run in which a contact opens, closes or slides; where a force jumps, what that adds is left out.
+        Accept a run in which a contact opens, closes or slides; the effect of force jumps is left out.
 
     Raises
     ------
     TheoryError
-        For such a run without `kinks`, and for spheres that move so far that others may touch.
+        For such a run without `kinks`, and if spheres move so far that new contacts are possible.
     """
     (value, looks), slope = _value_and_slope(run.plan(factors), _traced(objective), run.given, on_device(dict(factors)))
     _refuse(_events(run, *looks), kinks)
@@ -265,7 +265,7 @@ def gradient(
 
 
 def bytes_of_gradient(run: Run, objective: Objective, factors: Factors) -> int:
-    """Return the memory that `gradient` takes on the device beside what it is given, as its compiled program says."""
+    """Return the memory that `gradient` needs on the device beside its input, from its compiled program."""
     found: Any = (
         _value_and_slope.lower(run.plan(factors), _traced(objective), run.given, on_device(dict(factors)))
         .compile()
@@ -277,9 +277,9 @@ def bytes_of_gradient(run: Run, objective: Objective, factors: Factors) -> int:
 def derivative(
     run: Run, objective: Objective, factors: Factors, direction: Factors, *, kinks: bool = False
 ) -> tuple[Any, Any]:
-    """Return what is read off the record, of any shape, and its derivative along a direction of the factors.
+    """Return a readout of the record, of any shape, and its derivative along a direction of the factors.
 
-    Other parameters, and what is refused, as of `gradient`.
+    Other parameters and errors are as for `gradient`.
     """
     value, slope, looks = _along(
         run.plan(factors), _traced(objective), run.given, on_device(dict(factors)), on_device(dict(direction))
@@ -291,13 +291,13 @@ def derivative(
 def jacobian(
     run: Run, objective: Objective, factors: Factors, ways: Sequence[Start], *, kinks: bool = False
 ) -> tuple[Floats, Floats]:
-    """Return what is read off the record (N,), and its slopes (N, P) along changes of all numbers of a run.
+    """Return a readout of the record (N,), and its slopes (N, P) along changes of all numbers of a run.
 
     Parameters
     ----------
-    ways : P changes of `Run.given` and of the factors; those of whole numbers, as indices, count for nothing.
+    ways : P changes of `Run.given` and of the factors; changes of whole numbers, such as indices, are ignored.
 
-    Other parameters, and what is refused, as of `gradient`.
+    Other parameters and errors are as for `gradient`.
     """
     start = run.given, on_device(dict(factors))
     stacked = jax.tree.map(lambda *each: jnp.stack(each), *ways)
@@ -309,9 +309,9 @@ def jacobian(
 def hessian_product(
     run: Run, objective: Objective, factors: Factors, direction: Factors, *, kinks: bool = False
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """Return the gradient, and the product of the Hessian and a direction of the factors.
+    """Return the gradient, and the product of the Hessian with a direction of the factors.
 
-    Other parameters, and what is refused, as of `gradient`.
+    Other parameters and errors are as for `gradient`.
     """
     slope, change, looks = _slope_along(
         run.plan(factors), _traced(objective), run.given, on_device(dict(factors)), on_device(dict(direction))
@@ -362,7 +362,7 @@ class Events(NamedTuple):
 
 
 def events(run: Run, factors: Factors) -> Events:
-    """Return which contacts opened, closed or slid in a run, and how near others were."""
+    """Return which contacts opened, closed or slid in a run, and how near the others were."""
     return _events(run, *_recorded(run.plan(factors), run.given, on_device(dict(factors)))[1])
 
 

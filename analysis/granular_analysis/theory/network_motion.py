@@ -1,20 +1,19 @@
 """Motion of a packing of spheres by an error-controlled Runge–Kutta method.
 
-The laws are those of `granular_analysis.theory.network`. LAMMPS takes velocity Verlet with a fixed step. Here it is
-DOP853, of order 8, whose steps follow from its own error estimate; the slip of every contact is a part of the state,
-and so is the work W of the ledger E − W. After every step a contact that is open forgets its slip, one that slides
-keeps the slip of its limit, and where a sphere has moved far enough for new contacts, the step is taken back and the
-pairs are searched again.
+The laws are those of `granular_analysis.theory.network`. LAMMPS uses velocity Verlet with a fixed step. Here it is
+DOP853, of order 8, with steps from its error estimate; the state includes the slip of every contact and the work W of
+the balance E − W. After every step an open contact forgets its slip, and a sliding contact keeps the slip at its limit.
+If a sphere has moved far enough for new contacts, the step is undone and the pairs are searched again.
 
 Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.2 µs of processor time
 per contact, a tenth of that in the compiled loop (`granular_analysis.theory.network_loop`). A wave in a crystal needs 7
 (rtol 1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0.
 
-Breaks where much happens at once in a large network: the adhesive force jumps when a contact opens or closes, and every
-jump costs all spheres some thirty evaluations. 1e4 spheres of unequal radii (3e-4) that are let go out of equilibrium
-take 1 ms per sphere and t0. A contact that opens and closes again within a step keeps its slip. Where a contact
-closes the force is not smooth, and the error estimate misses up to 1e5 times rtol of one impact. Sliding is resolved to
-second order in the step, in space beside dashpots to first, which the error estimate does not see: with friction, halve
+Breaks if many events occur in a large network: the adhesive force jumps when a contact opens or closes, and every jump
+costs all spheres about thirty evaluations. For 1e4 spheres of unequal radii (3e-4) released out of equilibrium it takes
+1 ms per sphere and t0. A contact that opens and closes again within a step keeps its slip. The force is not smooth
+where a contact closes, and the error estimate misses up to 1e5 times rtol in one impact. Sliding is resolved to second
+order in the step (first order in space with dashpots), which the error estimate does not include: with friction, halve
 `longest_step` and compare.
 """
 
@@ -141,11 +140,10 @@ def integrate(
 
     Parameters
     ----------
-    network, state : state made by `network.start`, or the final one of another run.
-    times : (T,) ascending, not negative.
-    rtol : error of a step relative to `scales` and to the motion so far, root mean square over the network. Take it
-        smaller where few spheres of many move, by the root of their share, and where all fly or turn together much
-        farther than contacts are deep, by that ratio.
+    network, state : state from `network.start`, or the final state of another run. times : (T,) ascending, not
+    negative. rtol : error of a step relative to `scales` and to the motion so far, root mean square over the network.
+        Use a smaller value if few spheres of many move (by the root of their share), or if all fly or turn together
+        much farther than the overlaps (by this ratio).
     spheres : indices of those to record; all if None.
     longest_step : bound on the step, for networks with friction. No step is longer than two thirds of a collision.
 

@@ -1,10 +1,10 @@
-"""Numbers that are read off the record of a run, for its gradient (`granular_analysis.theory.network_gradient`).
+"""Numbers from the record of a run, for its gradient (`granular_analysis.theory.network_gradient`).
 
-Each is a function of a `Record` and of what it asks for, by ``jax.numpy``; ``functools.partial`` gives it the rest:
+Each is a function, in ``jax.numpy``, of a `Record` and of arguments that ``functools.partial`` can set:
 
     gradient(run, partial(amplitude, row=0, places=places, wavevector=(0.0, 0.8), frequency=1.2), factors)
 
-A partial function is compiled once for all runs of equal traits and shapes, so make it once and hand it on.
+A partial function is compiled once for all runs with equal traits and shapes, so make it once and reuse it.
 """
 
 from typing import Any
@@ -32,12 +32,11 @@ def amplitude(found: Record, row: int, places: ArrayLike, wavevector: ArrayLike,
     Parameters
     ----------
     found : Record
-    row : of the motion, u.
-    places : (n, d) of the recorded spheres at rest.
-    wavevector, frequency : k in rad per unit of length, Ω in rad per unit of time.
+    row : row u of the motion. places : (n, d) of the recorded spheres at rest. wavevector, frequency : k in rad per
+    unit of length, Ω in rad per unit of time.
 
-    Good values: a record of two or more whole periods, and spheres that the wave meets in all phases. When it breaks: A
-    has no slope where it is 0.
+    Good values: a record of two or more whole periods, and spheres at all phases of the wave. When it breaks: A has no
+    slope where it is 0.
     """
     turns = jnp.asarray(places) @ jnp.asarray(wavevector) - frequency * found.times[:, None]
     weights = 1 - jnp.cos(2 * jnp.pi * found.times / found.times[-1])
@@ -96,7 +95,7 @@ def misfit(found: Record, measured: ArrayLike, errors: ArrayLike = 1.0) -> Any:
 def largest(found: Record, row: int, first: float = 0.0, last: float = np.inf) -> Any:
     """Return max |u| of a row of the motion, over the recorded spheres and the times from first to last.
 
-    When it breaks: it has a kink where another sphere or moment becomes the largest.
+    When it breaks: it has a kink where another sphere or time becomes the largest.
     """
     inside = (found.times >= first) & (found.times <= last)
     return jnp.max(jnp.abs(found.motion[:, row]) * inside[:, None])
@@ -111,7 +110,7 @@ def energy(found: Record, signs: ArrayLike) -> Any:
 
 
 def across(network: Network, pairs: Pairs, point: ArrayLike, normal: ArrayLike) -> tuple[Integers, Floats]:
-    """Return the pairs of spheres (C,) on both sides of a plane, and 1 where the second is beyond, −1 where the first.
+    """Return the pairs of spheres (C,) on both sides of a plane, and 1 if the second is beyond it, −1 if the first is.
 
     point, normal : (d,) of the plane; energy along the normal is positive.
     """

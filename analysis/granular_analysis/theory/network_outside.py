@@ -32,6 +32,7 @@ class Drive:
     longest : time in which the signal changes; no step of an integration is longer.
     size : largest value of the signal.
     share : (n,) factors of the signal on each sphere.
+    rate : velocity that contacts see in a step of `network_verlet`, at its end as of ``fix move``; None: its mean.
     """
 
     spheres: Integers
@@ -41,6 +42,7 @@ class Drive:
     longest: float = np.inf
     size: float = 0.0
     share: Floats | float = 1.0
+    rate: Function | None = None
 
     def at(self, time: float) -> Floats:
         """Return the values of a prescribed motion, and their slopes, (2, n) or (2, 1)."""

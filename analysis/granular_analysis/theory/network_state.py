@@ -1,11 +1,11 @@
-"""A packing of spheres at one moment: its motion, the pairs that may touch, and the forces of their contacts.
+"""Packing of spheres at one moment: its motion, the pairs that may touch, and the forces of contacts.
 
 The laws are those of `granular_analysis.theory.network`, in its terms. Spheres in d dimensions have f freedoms: x, y
-and the turn about z in the plane, three ways and three turns in space. Turns in space are 2 tan(ϑ/2) times the axis of
-the turn ϑ, as a quaternion gives it; forces do not depend on them.
+and the rotation about z in the plane, three translations and three rotations in space. Rotations in space are 2
+tan(ϑ/2) times the axis of the rotation ϑ, as from a quaternion; forces do not depend on them.
 
-A wall is the last of the bodies of a pair: a held sphere of `_FAR` times the radius of the first one, whose normal
-turns by 1e-9 of the way of that one, relative to R.
+A wall is the second body of a pair: a held sphere with `_FAR` times the radius of the first, whose normal turns by 1e-9
+of the displacement of the first, relative to R.
 """
 
 from dataclasses import dataclass, replace
@@ -205,7 +205,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
 
 
 def _gathered(first: Integers, second: Integers, spheres: int) -> Integers:
-    """Return `Pairs.gathered` of pairs of so many spheres; walls, which come behind them, gather nothing."""
+    """Return `Pairs.gathered` for pairs of this many spheres; walls, which follow them, gather nothing."""
     ends = np.concatenate([first, second])
     order = np.argsort(ends, kind="stable")
     count = np.bincount(ends, minlength=spheres)
@@ -379,11 +379,11 @@ def start(
     rotation: ArrayLike = 0.0,
     spin: ArrayLike = 0.0,
 ) -> State:
-    """Return the state after one straight way without forces from rest, where no contact is sheared.
+    """Return the state after one straight displacement without forces from rest, where no contact is sheared.
 
-    That is how a LAMMPS deck is to start: LAMMPS knows no shear from positions, so one step of `nve/noforce` takes the
-    spheres from rest to where they start. The slip is the whole way along the tangent of the step's end, less the
-    rotations.
+    A LAMMPS deck must start like this: LAMMPS cannot derive shear from positions, so one step of `nve/noforce` takes
+    the spheres from rest to their start. The slip is the whole displacement along the tangent at the end of the step,
+    minus the rotations.
 
     Parameters
     ----------

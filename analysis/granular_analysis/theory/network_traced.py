@@ -1,7 +1,7 @@
-"""The steps of `granular_analysis.theory.network_verlet` by JAX: on a GPU, or on all cores of this machine.
+"""Steps of `granular_analysis.theory.network_verlet` by JAX: on a GPU, or on all cores of this machine.
 
-JAX traces the lines that NumPy runs, in double precision. Motions are the same to rounding, and on one device to the
-last bit: each sphere gathers the forces of its contacts, in one order.
+JAX traces the code that NumPy runs, in double precision. Motions are the same up to rounding, and on one device to the
+last bit, as each sphere sums the forces of its contacts in a fixed order.
 
 The extra ``jax`` of this package installs it: ``pip install 'granular-lmp[jax]'``.
 """
@@ -54,7 +54,7 @@ def pairs_of(network: Network | Traits, arrays: Arrays) -> Pairs:
 def advanced(
     traits: Traits, arrays: Arrays, bodies: Bodies, now: Carried, values: Any, count: int
 ) -> tuple[Carried, Any]:
-    """Return the motion after so many steps, and how far spheres were at most from their search.
+    """Return the motion after this many steps, and the largest distance of spheres from their search.
 
     There are `AT_ONCE` values, of which the first count. The number is traced, so that this is compiled once, for all
     networks with equal traits and shapes.

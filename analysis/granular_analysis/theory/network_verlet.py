@@ -1,4 +1,4 @@
-"""Velocity Verlet with the history of contacts as LAMMPS steps it: a run of LAMMPS, to rounding, without LAMMPS.
+"""Velocity Verlet with contact history as in LAMMPS: a run of LAMMPS, up to rounding, without LAMMPS.
 
 One step of length h of `granular_analysis.theory.network`, with the accelerations a of spheres and spins:
 
@@ -6,16 +6,16 @@ One step of length h of `granular_analysis.theory.network`, with the acceleratio
     s ← s turned into the plane across the new n, with its old length; then s ← s + h ds/dt
     a ← a(x, v, s),   v ← v + ½h a                               forces with the velocities of the half step
 
-Slip rates and dashpots have the velocities of the half step, as LAMMPS computes forces between the two kicks. A contact
-that is open forgets its slip; one that slides keeps the slip of its limit. With the incremental law the force of the
-spring is carried in the place of s. At the end of a step quiet ends leave (1 − ½h c)/(1 + ½h c) of each velocity and
-spin. Of a sphere that is moved or turned, contacts see the way over the last step. LAMMPS sets a spin at the end of a
-step, so that the first step sees none.
+Slip rates and dashpots use the velocities of the half step, as LAMMPS computes forces between the two kicks. An open
+contact forgets its slip; a sliding contact keeps the slip at its limit. With the incremental law the state is the force
+of the spring in place of s. At the end of a step quiet ends multiply each velocity and spin by (1 − ½h c)/(1 + ½h c).
+For a moved or turned sphere, contacts use the displacement over the last step. LAMMPS sets a spin at the end of a step,
+so the first step has none.
 
-Turns in the plane are those of LAMMPS's dipoles, which turn by arctan(hω) in a step; in space each step's rotation is
-put to that before, as of LAMMPS's quaternions.
+Rotations in the plane are those of the dipoles in LAMMPS, which turn by arctan(hω) in a step; in space rotations of all
+steps are composed, as for the quaternions in LAMMPS.
 
-The lines are those of NumPy, or of JAX where its arrays come in (`granular_analysis.theory.network_traced`).
+The code runs in NumPy, or in JAX for its arrays (`granular_analysis.theory.network_traced`).
 
 Good values: h from 0.05 to 0.2 t0; the error is of second order. When it breaks: above 2/Ω of the fastest mode.
 
@@ -131,6 +131,7 @@ def signals(network: Network, step: float, first: int, count: int) -> Floats:
     for each in network.drives:
         value = each.signal(times)
         rate = (value - each.signal(times - step)) / step if each.moves else 0 * value
+        rate = rate if each.rate is None else each.rate(times)
         if each.component >= network.dimension:
             rate = rate * (numbers > 1)
         found += [value, rate]

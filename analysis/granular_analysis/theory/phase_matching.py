@@ -1,18 +1,18 @@
-"""Resonances and antiresonances of second order: where in a crystal the second harmonic grows, and where there is none.
+"""Resonances and antiresonances of second order: wave vectors where the second harmonic grows or vanishes.
 
 A wave of branch i with the wave vector k drives branch j at 2k. Along a line of wave vectors k = q e
 
     resonance       2ω_i(k) = ω_j(2k): the harmonic is a free wave, and grows in proportion to time
     antiresonance   the force on branch j changes its sign
 
-A mirror of the crystal that contains e makes modes even or odd. The square of either is even: an odd branch at 2k gets
-nothing, at any wave number: its resonances are *forbidden*, and it has no antiresonance. From one wave number to the
-next a branch continues as the mode most like it, so that branches of two symmetries pass through each other.
+If a mirror plane of the crystal contains e, modes are even or odd. The square of either is even, so an odd branch at 2k
+is not driven at any wave number: its resonances are *forbidden*, and it has no antiresonance. From one wave number to
+the next a branch continues as the most similar mode, so branches of different symmetry cross.
 
-When it breaks: where two branches have one frequency all along the line and no mirror z → −z tells them apart, so that
-their polarisation is arbitrary; a pair of zeros between two points of the grid is missed, and so are zeros between
-branches that repel each other within less than a tenth of a step, which count as passing through each other. A detuning
-that touches 0 and does not cross it, as some do at the edge of the zone, is no resonance.
+When it breaks: if two branches are degenerate along the whole line and no mirror z → −z separates them, their
+polarisation is arbitrary. A pair of zeros between two points of the grid is missed. So are zeros between branches that
+repel each other within less than a tenth of a step, which count as crossing. A detuning that touches 0 without
+crossing, as at the edge of the zone, is not a resonance.
 """
 
 from collections.abc import Callable
@@ -87,7 +87,7 @@ def matches(crystal: Crystal, direction: ArrayLike, count: int = COUNT) -> list[
     Parameters
     ----------
     direction : (2,) or (3,) of any length
-    count : of wave numbers, the largest that of the zone's edge
+    count : number of wave numbers, up to the edge of the zone
     """
     along = _unit(direction)
     most = zone_edge(crystal, along)

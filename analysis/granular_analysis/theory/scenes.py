@@ -1,10 +1,10 @@
-"""The crystal of a scene, and what its wave does there to second order: any lattice, layers, law, form and direction.
+"""Crystal of a scene, and its wave to second order: any lattice, layers, law, form and direction.
 
-The crystal is found here from the spheres and the lattice: places, contacts, modes. Rows may differ in density, in a
-pattern that repeats; then the wave is a branch of theirs by its number, or starts as the sum of their modes that a mode
-of the lattice without the layers is.
+Places, contacts and modes are derived from the spheres and the lattice. Rows may differ in density in a repeating
+pattern; the wave is then a numbered branch of this crystal, or starts as a mode of the lattice without layers, which is
+a sum of its modes.
 
-The start may run or stand. Whatever else a scene declares is refused by its key.
+The wave may run or stand. Anything else in a scene is refused by its key.
 """
 
 from collections.abc import Mapping
@@ -85,13 +85,13 @@ def need_wave(scene: Scene) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """A scene, by its physics: what the theory of a crystal takes of it, in SI units.
+    """Physics of a scene for the theory of a crystal, in SI units.
 
     Attributes
     ----------
-    scene : with "auto" decided or not: an effect that is "auto" is on if it is one of every crystal's.
-    numbers : values in place of those of some keys, `VARIED` and "inclusion.N.density" with N from 1; they may be
-        complex, for `granular_analysis.theory.variation`. Also "wave.wavenumber", which a periodic cell does not round.
+    scene : with "auto" decided or not; an effect that is still "auto" is on if every crystal has it. numbers : values
+        that replace those of some keys, `VARIED` and "inclusion.N.density" with N from 1; they may be complex, for
+        `granular_analysis.theory.variation`. Also "wave.wavenumber", which a periodic cell does not round.
     """
 
     scene: Scene
@@ -101,14 +101,14 @@ class Setting:
         need_wave(self.scene)
 
     def refuse(self, allowed: frozenset[str]) -> None:
-        """Raise ValueError for a scene that declares something else, by its keys; what is switched off is nothing."""
+        """Raise ValueError for other keys in a scene, unless they are switched off."""
         departs = {key for key, value in self.scene.departures().items() if value is not False}
         if other := sorted(departs - allowed):
             values = ", ".join(declared(key, self.scene.departures()[key]) for key in other)
             raise TheoryError(f"the theory of a crystal leaves out {values}")
 
     def number(self, key: str) -> Any:
-        """Return the value of a key that is a number, as varied or as the scene has it."""
+        """Return the value of a numeric key, as varied or as in the scene."""
         section, _, name = key.partition(".")
         if key in self.numbers:
             return self.numbers[key]
@@ -118,20 +118,20 @@ class Setting:
 
     @property
     def lattice(self) -> Lattice:
-        """Return the lattice, in distances of two spheres."""
+        """Return the lattice, in units of the distance of two spheres."""
         name, orientation = self.scene.packing.lattice, self.scene.packing.orientation
         return LATTICES[name, orientation if orientation != "auto" else DEFAULT.get(name, "")]
 
     @property
     def stacked(self) -> bool:
-        """True for a crystal of layers that ends along z: a film, free or on a substrate."""
+        """True for a crystal of layers that is finite along z: a film, free or on a substrate."""
         scene = self.scene
         return self.lattice.layer > 0 and (scene.substrate is not None or scene.packing.depth == "free")
 
     def places(self, rows: int) -> tuple[Floats, Floats, NDArray[np.intp]]:
-        """Return vectors (d, 3), places (B, 3) and rows (B,) of a cell in which a pattern of rows repeats.
+        """Return vectors (d, 3), places (B, 3) and rows (B,) of the cell of a repeating pattern of rows.
 
-        In distances of two spheres. Raises ValueError for a pattern that the lattice does not have.
+        The unit is the distance of two spheres. Raises ValueError for a pattern that the lattice cannot have.
         """
         if rows > 1 and not self.stacked:
             return self.lattice.rows(rows)
@@ -142,7 +142,7 @@ class Setting:
         return *film, np.zeros(len(film[1]), dtype=np.intp)
 
     def walls(self, place: Floats, material: Elastic) -> list[Wall]:
-        """Return the half-spaces on which spheres of a material at some places (B, 3) lie, in m."""
+        """Return the half-spaces under spheres of a material at some places (B, 3), in m."""
         substrate = self.scene.substrate
         if substrate is None:
             return []
@@ -158,7 +158,7 @@ class Setting:
 
     @property
     def measured(self) -> Measured:
-        """Return the stiffnesses that the scene declares as measured."""
+        """Return the measured stiffnesses in the scene."""
         pair, wall = self.scene.contact, self.scene.substrate
         of_wall = (None, None) if wall is None else (wall.normal_stiffness, wall.shear_stiffness)
         pairs = tuple(((*each.of,), (each.normal_stiffness, each.shear_stiffness)) for each in self.scene.pair)
@@ -166,12 +166,12 @@ class Setting:
 
     @cached_property
     def pattern(self) -> tuple[NDArray[Any], NDArray[np.intp]]:
-        """Return density and kind of each row of the pattern that repeats, (P,) each, the centre row first.
+        """Return density and kind of each row of the repeating pattern, (P,) each, the centre row first.
 
-        Rows of a density that is varied, or that [[pair]] names, are of another kind, the number of their inclusion,
-        also where they have the density of the others, which are of kind 0.
+        Rows whose density is varied, or which [[pair]] names, have the number of their inclusion as kind, even if their
+        density is that of the others; all other rows have kind 0.
 
-        Raises ValueError for what is not a pattern of rows of other densities.
+        Raises ValueError if inclusions are not a pattern of rows of different densities.
         """
         scene, shape = self.scene, self.scene.shape
         if not scene.inclusion:
@@ -215,7 +215,7 @@ class Setting:
     def overlap(self) -> Any:
         """Return the overlap at rest of two spheres, m.
 
-        Raises ValueError where it is varied under the JKR law, which has no closed form.
+        Raises ValueError if it is varied with the JKR law, which has no closed form.
         """
         sphere = self.scene.sphere
         if not self.numbers.keys() & CONTACT:
@@ -236,10 +236,10 @@ class Setting:
         return root**2
 
     def crystal(self, *, layers: bool = True, true_geometry: bool = True) -> Crystal:
-        """Return the crystal, one cell a row of the pattern; without `layers` the lattice of the wave's mode.
+        """Return the crystal with its pattern of rows; without `layers`, the lattice of the mode of the wave.
 
-        Raises ValueError for layers in a scene that declares what is not held: dashpots, rolling resistance, disorder,
-        inclusions that are no pattern of rows.
+        Raises ValueError for layers in a scene with anything unsupported: dashpots, rolling resistance, disorder,
+        inclusions that are not a pattern of rows.
         """
         if layers:
             self.refuse(CRYSTAL_KEYS)
@@ -274,27 +274,27 @@ class Setting:
         return 2 * self.number("sphere.radius") - self.overlap
 
     def spot(self) -> Spot:
-        """Return the crystal with the wave vectors along the direction of the scene, whose numbers are rad per row."""
+        """Return the crystal with wave vectors along the direction of the scene; wave numbers in rad per row."""
         turn = self.numbers.get("wave.direction", self.scene.direction) * np.pi / 180
         height = self.lattice.row * self.spacing
         return Spot(self.crystal(), np.array([np.cos(turn), np.sin(turn), 0 * turn]) / height, self.overlap)
 
     @property
     def unit(self) -> float:
-        """Return 1/m of one rad per row of the wave number."""
+        """Return the wave number 1 rad per row in 1/m."""
         return float(1 / (self.lattice.row * self.scene.sphere.lattice_constant))
 
     def wavevector(self, wavenumber: ArrayLike | None = None) -> Floats:
-        """Return k (..., 2), 1/m, at wave numbers ξ (...), rad per row; None: at that of the wave."""
+        """Return k (..., 2), 1/m, at wave numbers ξ (...), rad per row; None means the wave number of the wave."""
         own = self.numbers.get("wave.wavenumber", self.scene.wavenumber)
         xi = np.asarray(own if wavenumber is None else wavenumber, dtype=float)
         return np.multiply.outer(xi * self.unit, frame(self.scene.direction)[0])
 
     def mode(self) -> Wave:
-        """Return the wave of the scene, of amplitude 1, in its lattice without layers, or in layers that it counts.
+        """Return the wave of the scene with amplitude 1, in its lattice without layers, or in layers if it is numbered.
 
-        The number of a branch is that of the layers in a lattice of one sphere a cell in the plane, whose waves have
-        names. In a cell of several spheres the squares of all amplitudes sum to 1.
+        In a plane lattice with one sphere per cell, whose waves have names, a number means a branch of the layers. In a
+        cell of several spheres the squares of all amplitudes sum to 1.
         """
         plain, k = self.crystal(layers=False), self.wavevector()
         name = self.scene.require_wave().mode
@@ -303,9 +303,9 @@ class Setting:
         return wave(lattice, k, named_branch(lattice, k, name)).times(1 / np.sqrt(len(lattice)))
 
     def start(self) -> tuple[Crystal, tuple[Wave, ...]]:
-        """Return the crystal, and the waves with which the scene starts, displacements in m.
+        """Return the crystal and the initial waves of the scene, with displacements in m.
 
-        Raises ValueError for a scene that starts otherwise, or whose wave is also moved by something else.
+        Raises ValueError for a scene with another start, or with anything else that moves spheres.
         """
         self.refuse(CRYSTAL_KEYS - MOTION)
         own = self.scene.require_wave()
@@ -332,8 +332,8 @@ class Setting:
     def harmonic(self, tau: ArrayLike) -> tuple[Complexes, Floats]:
         """Return C (T, 2) along k and across, in D0, of the second harmonic Re[C e^{2ik·r}], and an error of its phase.
 
-        Of layers, C is the mean over the spheres of a cell, r from the centre sphere. The error (T,) is twice what
-        third order has turned the waves by, in rad (`granular_analysis.theory.validity.turned`).
+        With layers, C is the mean over the spheres of a cell, with r from the centre sphere. The error (T,) is twice
+        the phase shift of the waves by third order, in rad (`granular_analysis.theory.validity.turned`).
         """
         scene = self.scene
         crystal, waves = self.start()

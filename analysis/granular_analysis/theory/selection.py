@@ -1,23 +1,23 @@
-"""Selection rules: which waves two waves cannot make of each other, because a mirror of the crystal forbids it.
+"""Selection rules: waves that two waves cannot generate because a mirror symmetry of the crystal forbids it.
 
-A mirror reflects displacements, and turns rotations round: φ, which is an axial vector, gets the opposite sign. Where
-it leaves a wave vector where it is (up to a reciprocal lattice vector), each mode there is even or odd: in the plane,
-on a line through Γ, L is even, TR and RT are odd. The quadratic forces have the symmetry of the crystal, so that what
-they drive at k1 ± k2 is
+A mirror reflects displacements and reverses rotations: φ, an axial vector, gets the opposite sign. If it does not
+change a wave vector (up to a reciprocal lattice vector), each mode there is even or odd: in the plane, on a line
+through Γ, L is even, TR and RT are odd. The quadratic forces have the symmetry of the crystal, so what they drive at k1
+± k2 is
 
-    of the parity of the product,   if the mirror leaves both waves where they are:
+    of the parity of the product,   if the mirror changes neither wave vector:
                                     even + even → even,  odd + odd → even,  even + odd → odd;
     even,                           if it exchanges the two waves of a sum, which are then of one branch;
 
-and modes of the other parity at k1 ± k2 get nothing, at any time and any contact law. So of two collinear waves along
-y or x of the hexagonal lattice, two L make L only, two shear waves make L only, and L with a shear wave makes shear
-waves only; of two mirrored waves of one branch, the sum is L. Where the drive knows no frequencies, as in the paper's
-geometry and law, the difference of two mirrored waves is L too, to second order: for it the second wave runs backward
-in time, and the mirror across exchanges the two.
+and modes of the other parity at k1 ± k2 are not driven, at any time and for any contact law. For collinear waves along
+y or x of the hexagonal lattice, two L waves generate only L, two shear waves only L, and L with a shear wave only shear
+waves; the sum of two mirrored waves of one branch is L. If the drive does not depend on frequencies, as in the geometry
+and law of the paper, the difference of two mirrored waves is also L, to second order: the second wave then runs
+backward in time, and the mirror normal to it exchanges the two.
 
-Rules of whole orders, at any amplitude, follow for a single wave: odd waves along y hold q and φ in odd harmonics only.
+For a single wave, rules follow for all orders and any amplitude: odd waves along y have q and φ only in odd harmonics.
 
-When it breaks: where branches touch, a mode has no parity, and nothing is forbidden.
+When it breaks: where branches touch, modes have no parity, and nothing is forbidden.
 """
 
 from functools import lru_cache
@@ -51,11 +51,11 @@ def mirrors(crystal: Crystal) -> tuple[Mirror, ...]:
 
 
 def forbidden(pair: Mixed) -> NDArray[np.bool_]:
-    """Return for each branch at k1 ± k2 whether symmetry forbids that a pair of waves drives it, (J,).
+    """Return whether symmetry forbids a pair of waves to drive each branch at k1 ± k2, (J,).
 
     Parameters
     ----------
-    pair : a single one
+    pair : one pair of waves
     """
     crystal, first, second = pair.crystal, pair.first, pair.second
     targets = Wave(pair.wavevector, pair.targets.frequencies, pair.targets.shapes)

@@ -1,23 +1,23 @@
-"""Waves of a layer of spheres on an elastic half-space: surface waves that couple to the resonances of the contacts.
+"""Waves of a layer of spheres on an elastic half-space: surface waves coupled to contact resonances.
 
-The half-space z < 0 has the density ρ and the speeds c_l and c_t. Where its surface moves by u_s e^{i(k·r − ωt)}, it
-resists with tractions S u_s. With μ = ρc_t², p² = k² − ω²/c_l², q² = k² − ω²/c_t² and g = (pq + k²)/(k²(1 + c_t²/c_l²)
-− ω²/c_l²), along k, across, and up,
+The half-space z < 0 has the density ρ and the speeds c_l and c_t. If its surface moves by u_s e^{i(k·r − ωt)}, the
+tractions are S u_s. With μ = ρc_t², p² = k² − ω²/c_l², q² = k² − ω²/c_t² and g = (pq + k²)/(k²(1 + c_t²/c_l²) −
+ω²/c_l²), along k, across, and up,
 
     S = μ [[pg, 0, ik(2 − g)], [0, q, 0], [−ik(2 − g), 0, qg]]                                    (after Lamb 1904)
 
-Each sphere pulls at the surface with C(u_foot − u_s), C = diag(K_S, K_S, K_N), u_foot = u − φ × z. With N feet an area,
-D(k) the matrix of the layer on a rigid substrate, and B the motion of the foot,
+Each sphere pulls the surface with C(u_foot − u_s), C = diag(K_S, K_S, K_N), u_foot = u − φ × z. With N contacts per
+area, the matrix D(k) of the layer on a rigid substrate, and the motion B of the contact point,
 
     [[D − ω²M, −BᵀC], [−CB, C + S/N]] (U, u_s) = 0
 
-For K_S = 0 and spheres that do not touch one another this is the formula of the vertical resonance alone. Below c_t k
-the matrix is Hermitian, and its eigenvalues fall with ω: as many are negative as there are *guided* waves below ω, so
-that none is missed. Faster waves *leak* into the half-space: their frequency has a negative imaginary part. At k = 0
-the vertical resonance has the quality factor ρc_l/(Nmω0), if that is large.
+For K_S = 0 and spheres that do not touch each other this is the formula for the vertical resonance only. Below c_t k
+the matrix is Hermitian and its eigenvalues decrease with ω: the number of negative ones is the number of *guided* waves
+below ω, so no wave is missed. Faster waves *leak* into the half-space: their frequency has a negative imaginary part.
+At k = 0 the vertical resonance has the quality factor ρc_l/(Nmω0), if that is large.
 
-When it breaks: where 2π/k is no more than a few distances of spheres, as the half-space answers to the mean of the
-forces. Torques have the arm R, a share η/2 of frequencies. Units are those of the crystal.
+When it breaks: if 2π/k is only a few sphere distances, because the half-space responds to the mean of the forces.
+Torques have the arm R, which changes frequencies by a share η/2. Units are those of the crystal.
 """
 
 from collections.abc import Callable
@@ -61,7 +61,7 @@ class Body(Protocol):
 
 
 class HalfSpace(NamedTuple):
-    """An isotropic solid, by its density and the speeds of longitudinal and transverse waves."""
+    """Isotropic solid, given by its density and the speeds of longitudinal and transverse waves."""
 
     density: float
     longitudinal: float
@@ -69,7 +69,7 @@ class HalfSpace(NamedTuple):
 
     @classmethod
     def of(cls, youngs_modulus: float, poisson_ratio: float, density: float) -> "HalfSpace":
-        """Return the half-space of elastic constants."""
+        """Return the half-space with these elastic constants."""
         shear = youngs_modulus / (2 * (1 + poisson_ratio))
         plane = shear * 2 * (1 - poisson_ratio) / (1 - 2 * poisson_ratio)
         return cls(density, float(np.sqrt(plane / density)), float(np.sqrt(shear / density)))
@@ -80,7 +80,7 @@ class HalfSpace(NamedTuple):
         return self.transverse
 
     def reaction(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Reaction:
-        """Return how the surface resists; no wave slower than c_t is held by a surface at rest."""
+        """Return the reaction of the surface; no wave slower than c_t exists below a surface at rest."""
         stiffness = self.stiffness(wavenumber, frequency)
         return Reaction(stiffness, np.zeros(stiffness.shape[:-2], dtype=np.intp))
 
@@ -164,13 +164,13 @@ def downward(k: NDArray[Any], slowness: NDArray[Any]) -> Complexes:
 
 @dataclass(frozen=True, eq=False)
 class Coupled:
-    """A layer on a half-space.
+    """Layer on a half-space.
 
     Attributes
     ----------
-    crystal : the layer on a rigid wall below it, without its exact geometry (`true_geometry=False`), which would give
-        the torques of pairs and of walls different arms.
-    substrate : the half-space, or what it lies on else, in the units of the crystal.
+    crystal : the layer on a rigid wall, with `true_geometry=False`, as the exact geometry would give different arms to
+        the torques of pairs and walls.
+    substrate : the half-space, or another substrate, in the units of the crystal.
     """
 
     crystal: Crystal
@@ -232,7 +232,7 @@ class Coupled:
     def guided(self, wavevector: ArrayLike, below: float = np.inf) -> Floats:
         """Return ω (..., J) of the waves that do not leak, ascending; nan where there are fewer than J.
 
-        J is that of the wave vector with the most. All have ω < `below`, which a plate needs.
+        J is the largest number at one wave vector. All have ω < `below`, which a plate requires.
         """
         k = padded(wavevector)
         fastest = np.minimum(self.substrate.cutoff * np.linalg.norm(k, axis=-1) * (1 - 1e-12), below)
@@ -255,9 +255,9 @@ class Coupled:
         return np.where(numbers < counts[..., None], _zeros(passed, _SLOWEST * high, high), np.nan)
 
     def leaking(self, wavevector: ArrayLike, guess: ArrayLike) -> Complexes:
-        """Return ω (..., J) of the waves next to guesses (..., J), Im ω < 0 if they leak; nan where there is none.
+        """Return ω (..., J) of the waves nearest to guesses (..., J), Im ω < 0 if they leak; nan if there is none.
 
-        Guesses at one wave vector find different waves, or one wave as often as the matrix is singular there.
+        Guesses at one wave vector find different waves, or one wave up to its multiplicity.
 
         wavevector : (..., 2 or 3), or (2,) or (3,) for one guess (); guess : as frequencies on the rigid substrate
         """

@@ -1,6 +1,6 @@
 """The second harmonic as steps of velocity Verlet make it, as LAMMPS steps it: one oscillator, so no lattice is needed.
 
-`tests/stepped.py` steps the whole lattice.
+A test steps the whole lattice.
 """
 
 from dataclasses import replace

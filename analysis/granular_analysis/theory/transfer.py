@@ -5,8 +5,8 @@ move with e^{−iΩt} by
 
     K_{n,n−1} X_{n−1} + (K_{nn} − Ω² M_n) X_n + K_{n,n+1} X_{n+1} = 0,    K_{n+1,n} = K_{n,n+1}ᵀ
 
-The first two rows are those of a perfect lattice that goes on in front, the last two those of one behind. In each, with
-the wave number k_x = 2πm/W across the width W of a row, the solutions are X_n = s λⁿ with
+The first two rows belong to a perfect lattice that continues in front, the last two to one behind. In each, with the
+wave number k_x = 2πm/W across the width W of a row, the solutions are X_n = s λⁿ with
 
     [K₋ + λ(K₀ − Ω²M) + λ²K₊] s = 0,    J = −Im(λ s†K₊s)
 

@@ -1,11 +1,11 @@
-"""One plane wave of the paper's crystal, as every theory of this folder takes it: a mode, an amplitude, a contact.
+"""Plane wave in the crystal of the paper, for every theory in this folder: a mode, an amplitude, a contact.
 
-`Wave.doubled` hands it to the theory of any crystal (`granular_analysis.theory.second_order`). Here stand the answers
-in the paper's variables, in any direction and for any contact: p along k, q along ẑ × k, φ = Rθ, in units of D0. The
-second harmonic is Re[X e^{2iϑ}] beside the free waves that the start launches; where a mirror holds k it is
-longitudinal, and along y X = (ε/2)P̃1 is imaginary (`granular_analysis.second_harmonic` has it in closed form).
+`Wave.doubled` passes it to the theory of any crystal (`granular_analysis.theory.second_order`). Results are in the
+variables of the paper, for any direction and contact: p along k, q along ẑ × k, φ = Rθ, in units of D0. The second
+harmonic is Re[X e^{2iϑ}] plus the free waves that the start launches. If a mirror plane contains k, it is longitudinal;
+along y X = (ε/2)P̃1 is imaginary (`granular_analysis.second_harmonic` has the closed form).
 
-When it breaks: where contacts open; for long on a resonance; dashpots are left out.
+When it breaks: if contacts open, or after a long time on a resonance. Dashpots are left out.
 """
 
 from dataclasses import dataclass
@@ -154,9 +154,9 @@ def decay_rate(wave: Wave, viscosity: float) -> float:
 
 
 def generated(name: str, wavenumbers: ArrayLike, contact: Contact) -> Floats:
-    """Return A (...) of the wave p = −a A sin 2ϑ, in D0, that runs with the mode of a name along y.
+    """Return A (...) of the wave p = −a A sin 2ϑ, in D0, that runs with a named mode along y.
 
-    It is ½ P̃1/i times ε/a: of the closed form, where it holds the contact. Infinite on resonance.
+    It is ½ P̃1/i times ε/a, from the closed form if it includes the contact. Infinite on resonance.
     """
     one = _named(name, wavenumbers, contact)
     return np.asarray(0.5 * Mixed(hexagonal(contact), one, one).forced()[..., 0, 1].imag)
@@ -222,7 +222,7 @@ def resonance(contact: Contact) -> float | None:
 
 
 def antiresonance(contact: Contact) -> float | None:
-    """Return ξ where TR along y makes no second harmonic; None if there is none."""
+    """Return ξ where TR along y generates no second harmonic; None if there is none."""
     return _first("antiresonance", contact)
 
 

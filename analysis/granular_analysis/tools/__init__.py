@@ -1,1 +1,1 @@
-"""The commands of granular-analysis; `compare` has functions for scripts, too."""
+"""Commands of granular-analysis; `compare` also has functions for scripts."""

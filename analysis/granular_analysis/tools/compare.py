@@ -1,26 +1,27 @@
-"""Compare runs with theory: relative L2 errors of p, q, φ, and the second-harmonic amplitude measured and predicted.
+"""Compare runs with theory: relative L2 errors of p, q, φ, and measured and predicted second harmonic.
 
     granular-analysis compare runs/tr_nonresonant runs/tr_resonant [--json FILE] [--theory NAME]
     granular-analysis compare sweeps/tr_periodic
 
-Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
-*exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
-walls, rounding. Where no theory of a plane wave holds a run, as its crystal is not perfect or its contacts slide or
-open, the *network* of its spheres stands in place of the theory and says how good the run is. Without its snapshots,
-runs in other lattices and layers have the second order of their crystal (`granular_analysis.measure.reference`). A note
-says which, and why. A theory that leaves out what the scene has is refused, and
-so is a run with an effect, a form, a key of the scene that stands in no line of `granular_analysis.theory.catalogue`.
+There are two references. The error against a *theory* (a formula) measures the formula. The error against the *exact
+lattice* (the same contact laws and geometry, integrated without LAMMPS) measures the run: its time step, walls and
+rounding. If no theory of a plane wave applies, because the crystal is imperfect or contacts slide or open, the
+*network* of the spheres replaces the theory and measures the run. Without snapshots, runs in other lattices and layers
+are compared with the second order of their crystal (`granular_analysis.measure.reference`). A note names the reference
+and the reason. A theory that leaves out a part of the scene is refused. So is a run with an effect, a form or a key
+that no line of `granular_analysis.theory.catalogue` names.
 
-A run without a wave, of strikers or a state, has no p, q and φ: all motions that it records are compared with the
-network, displacements and velocities in both directions and spins. Of a wave in space these are the displacement and
-the rotation of its recorded sphere along each axis.
+A run without a wave, with strikers or a state, has no p, q and φ: all recorded motions are compared with the network,
+which are displacements and velocities in both directions and spins. For a wave in space they are the displacement and
+rotation of the recorded sphere along each axis.
 
-Dumps that were adopted without a scene have a witness (`granular_analysis.measure.witness`), where their law is known:
-it is said where they part from it, and what of that the time step and the digits of the dump explain.
+Dumps that were adopted without a scene have a witness (`granular_analysis.measure.witness`) if their law is known. The
+output says where the dumps depart from the witness, and how much of this the time step and the digits of the dump
+explain.
 
-Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs between their scenes;
-the finished runs of a sweep are a line each, with what was varied in front, and one figure, ``compare.png`` in its
-folder: the largest of each signal over what was varied, with theory beside it (`granular_analysis.tools.curves`).
+Each run gets a figure ``compare.png`` in its folder; for several runs the output says how their scenes differ. A sweep
+has a line for each finished run, which begins with the varied values, and one figure ``compare.png`` in its folder: the
+largest value of each signal over the varied key, with theory (`granular_analysis.tools.curves`).
 """
 
 import argparse
@@ -65,7 +66,7 @@ __all__ = ["Comparison", "compare"]
 
 Floats = NDArray[np.float64]
 INSTEAD = {NETWORK: "the network of its spheres", CRYSTAL: "the second order of its crystal", None: "nothing"}
-# Plain letters: with formulas in TeX matplotlib first builds its parser, a tenth of the time of a comparison
+# Plain letters: for formulas in TeX matplotlib first builds its parser, a tenth of the time of a comparison
 LABELS = {"p": "p = v/D₀", "q": "q = −u/D₀", "phi": "φ = Rθ/D₀"}
 LABELS |= {"displacement": "u/ℓ", "velocity": "v/v₀", "spin": "Rω/v₀"}
 LABELS |= {f"u{axis}": f"u{axis}/D₀" for axis in "xyz"} | {f"phi{axis}": f"φ{axis}" for axis in "xyz"}
@@ -79,33 +80,33 @@ class Comparison:
     Attributes
     ----------
     folder : str or None
-        The run folder as it was given; None for a record that is in no folder.
+        Run folder as given; None for a record without a folder.
     mode, wavenumber, direction, amplitude : or None
-        Of the wave, if there is one; direction of k, degrees from a close-packed row; 90 is y.
+        Values of the wave, if any; direction of k in degrees from a close-packed row, where 90 is y.
     theory : str or None
-        Reference of the run (`granular_analysis.theory.catalogue.REFERENCES`); None if none holds what the run has.
+        Reference of the run (`granular_analysis.theory.catalogue.REFERENCES`); None if no reference covers the run.
     error, lattice_error : dict
         Relative L2 error of each signal (`granular_analysis.measure.signals.recorded`) against the theory named, and
         against the exact lattice; None where it is zero by symmetry. Empty without a theory.
     predicted : float or None
-        Amplitude |ε P̃1|/2 of the generated second harmonic in D0, by the closed form; None where that leaves out what
-        the run has, and for waves that do not run along y.
+        Amplitude |ε P̃1|/2 of the generated second harmonic, in D0, by the closed form; None if it leaves out a part of
+        the run, or for waves that do not run along y.
     measured, fit_error : float or None
-        The same from the run by least squares, and its error by the time step and the fit, which knows nothing of what
-        theory leaves out; None where a note says why.
+        The same from the run by least squares, and its error due to the time step and the fit, but not due to what
+        theory leaves out; None if a note gives a reason.
     notes : list of str
-        Why the comparison does not mean what it seems to.
+        Warnings that the comparison may mislead.
     budget : list of Source
-        What separates the run and the paper's theory from the exact lattice (`granular_analysis.measure.budget`).
+        Differences of the run and of the paper's theory from the exact lattice (`granular_analysis.measure.budget`).
     signals : tuple of (T,) arrays, or None
-        The same signals of the reference at the times of the record; not in the JSON.
+        Signals of the reference at the times of the record; not in the JSON.
     record, wave : Record, Wave or None
-        What was compared; not in the JSON.
+        Record and wave that were compared; not in the JSON.
 
     Notes
     -----
-    `lattice_error` and `budget` integrate the exact lattice, most of the time of a comparison, when they are first
-    asked for.
+    `lattice_error` and `budget` integrate the exact lattice at first access, which takes most of the time of a
+    comparison.
 
     Examples
     --------
@@ -133,7 +134,7 @@ class Comparison:
 
     @property
     def run(self) -> str:
-        """The run in words: its folder, else the name of its scene."""
+        """Name of the run: its folder, else the name of its scene."""
         return self.folder or self.name
 
     @cached_property
@@ -144,18 +145,18 @@ class Comparison:
 
     @cached_property
     def lattice_error(self) -> dict[str, float | None]:
-        """Return the error of each component against the exact lattice; none if there is no such solution."""
+        """Return the error of each component against the exact lattice; empty if there is no such solution."""
         return {} if self._exact is None else errors(self.record, self._exact)
 
     @cached_property
     def budget(self) -> list[Source]:
-        """Return the sources of error and what each adds; none without an exact lattice."""
+        """Return the sources of error and their contributions; empty without an exact lattice."""
         if self.wave is None or self._exact is None:
             return []
         return error_budget(self.record, self.wave, self.lattice_error, self._exact)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plain values, as the JSON holds them."""
+        """Return plain values for the JSON."""
         plain = {each.name: getattr(self, each.name) for each in fields(self) if each.compare}
         return plain | {"lattice_error": self.lattice_error, "budget": [asdict(source) for source in self.budget]}
 
@@ -163,8 +164,8 @@ class Comparison:
 def compare(record: Record, theory: str | None = None) -> Comparison:
     """Compare one run with the theory named, or with the best reference (`granular_analysis.measure.reference`).
 
-    Raises TheoryError for a theory that is not in `granular_analysis.theory.catalogue.REFERENCES`, or leaves out what
-    the run has, for the network of a run without snapshots, and for a run with anything that no theory knows.
+    Raises TheoryError for a theory that is not in `granular_analysis.theory.catalogue.REFERENCES` or leaves out a part
+    of the run, for the network of a run without snapshots, and for a run that no theory covers.
 
     Examples
     --------
@@ -196,8 +197,8 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
 
 
 def _second_harmonic(record: Record, wave: Wave | None) -> tuple[float | None, float | None, list[str]]:
-    """Return amplitude and error of the second harmonic in a run, and a note that says why if it is not measured."""
-    if wave is None or not holding(wave):  # of the latter another note speaks
+    """Return amplitude and error of the second harmonic in a run, and a note if it is not measured."""
+    if wave is None or not holding(wave):  # another note is about the latter
         return None, None, []
     try:
         return *measured_amplitude(record, wave), []
@@ -206,22 +207,24 @@ def _second_harmonic(record: Record, wave: Wave | None) -> tuple[float | None, f
 
 
 def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
-    """Return why a comparison may mislead: an unfinished run, triggered guards, another law, or no theory of it."""
+    """Return reasons why a comparison may mislead: an unfinished run, triggered guards, another law, or no theory."""
     guards = record.info.get("guards", {})
     status = record.info.get("status", "finished")
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
     loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
     if edited := record.info.get("edited"):
-        loud.append(f"its deck was edited, which no theory knows of; lines that differ: {len(edited)}, {edited[0]!r}")
+        loud.append(
+            f"its deck was edited, and no theory includes the edits; lines that differ: {len(edited)}, {edited[0]!r}"
+        )
     if accepted := record.info.get("accepted"):
         loud.append(f"files were changed after the run, and accepted: {', '.join(accepted)}")
     if by_network(record) and reference.name == NETWORK:
-        loud.append("the network took the steps of the run too: this judges the steps, not the laws of contacts")
+        loud.append("the network also computed the run: this tests the time steps, not the contact laws")
     material = record.scene.material
     if record.scene.sphere.work_of_adhesion and material.nearer_law != material.adhesion_law:
         loud.append(material.law_words)
     if wave is None:
-        return loud + ([] if reference.name else [f"the run is compared with nothing, as {reference.reason}"])
+        return loud + ([] if reference.name else [f"the run has no reference, as {reference.reason}"])
     if not holding(wave):
         instead = INSTEAD[reference.name] + (f", as {reference.reason}" if reference.reason else "")
         loud.append(f"no theory of a plane wave holds {', '.join(beyond(wave))}: the run is compared with {instead}")
@@ -235,7 +238,7 @@ def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
 
 
 def table(comparisons: list[Comparison]) -> str:
-    """Return the comparisons as text, two lines a wave: on theory and the exact lattice; other runs a line; notes."""
+    """Return the comparisons as text: two lines for a wave (theory and exact lattice), one for other runs, notes."""
     width = max([len("run"), *(len(c.run) for c in comparisons)])
     lines: list[str] = []
     waves, others = ([c for c in comparisons if (c.wave is None) == without] for without in (False, True))
@@ -260,7 +263,7 @@ def table(comparisons: list[Comparison]) -> str:
 
 
 def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
-    """Return a sweep as text, a line a run: what was varied, errors against theory, the second harmonic in D0."""
+    """Return a sweep as text, one line per run: varied values, errors against theory, second harmonic in D0."""
     varied = swept.columns([c.record for c in comparisons])
     signals = names_of(comparisons[0])
     titles = [*varied, "against", *signals, "SH measured", "±", "predicted", "deviation"]
@@ -283,10 +286,10 @@ def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
 
 
 def differences(records: Sequence[Record]) -> dict[str, list[Any]]:
-    """Return the values of all runs, in their order, for each key of the scene that is not the same in all.
+    """Return the values of all runs, in order, for each key of the scene that differs between runs.
 
-    A key that a scene does not have, a time step beside a tolerance, has the value None there. Keys that are at their
-    default in each scene that has them are left out.
+    A key that a scene does not have, such as a time step beside a tolerance, has the value None. Keys that have their
+    default in every scene are left out.
     """
     scenes = [_values(record) for record in records]
     said = {key for record in records for key in record.scene.departures()}
@@ -296,9 +299,9 @@ def differences(records: Sequence[Record]) -> dict[str, list[Any]]:
 
 
 def _values(record: Record) -> dict[str, Any]:
-    """Return the values of a scene by dotted key, "inclusion.1.density" of the first of several tables.
+    """Return the values of a scene by dotted key, such as "inclusion.1.density" in the first of several tables.
 
-    Name and description, which change no run, are left out.
+    Name and description, which do not change a run, are left out.
     """
     scene = record.scene
     tables = {name: asdict(getattr(scene, name)) for name in scene.layout.optional} | scene.to_dict()
@@ -309,7 +312,7 @@ def _values(record: Record) -> dict[str, Any]:
 
 
 def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison]) -> list[str]:
-    """Return what differs between the scenes of several runs, a line each; nothing for one run or equal scenes."""
+    """Return a line for each difference between the scenes of several runs; none for one run or equal scenes."""
     found = differences(records)
     if not found:
         return []
@@ -321,7 +324,7 @@ def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison
 
 
 def by_network(record: Record) -> bool:
-    """Return whether the network took the steps of a run, in place of LAMMPS."""
+    """Return whether the network computed a run, in place of LAMMPS."""
     return record.info.get("launcher") == NETWORK
 
 
@@ -336,9 +339,9 @@ def _cells(values: dict[str, float | None], names: Sequence[str] = COMPONENTS, w
 
 
 def figure(record: Record, comparison: Comparison) -> "Figure":
-    """Return each signal of the run that is not zero over the reference, the difference below it in its own scale.
+    """Return the figure of each nonzero signal of the run and the reference, with their difference below.
 
-    Of a run without a wave they are those of the sphere that moves most, in its direction.
+    A run without a wave shows the signals of the sphere that moves most, in its direction.
 
     Raises TheoryError for a comparison without a theory.
     """
@@ -377,7 +380,7 @@ def figure(record: Record, comparison: Comparison) -> "Figure":
 
 
 def _liveliest(run: Floats, reference: Floats) -> tuple[Floats, Floats]:
-    """Return two signals (T, ...) of a run and its reference where the reference is largest, (T,) each."""
+    """Return the component, (T,), of two signals (T, ...) of a run and its reference where the reference is largest."""
     flat = reference.reshape(len(reference), -1)
     largest = int(np.argmax(np.abs(flat).max(axis=0)))
     return run.reshape(len(run), -1)[:, largest], flat[:, largest]
@@ -396,7 +399,7 @@ def _of_unnamed(options: argparse.Namespace) -> int:
     from granular_analysis.measure.witness import witness
 
     if options.theory:
-        raise SystemExit(f"--theory {options.theory}: is for the run of a scene; an unnamed crystal has its witness")
+        raise SystemExit(f"--theory {options.theory}: is only for the run of a scene; an unnamed crystal has a witness")
     found = []
     for folder in options.runs:
         with in_one_line(folder):
@@ -410,14 +413,14 @@ def _of_unnamed(options: argparse.Namespace) -> int:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command and return its exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("runs", nargs="+", metavar="RUN", help="run folders, or one sweep folder")
     parser.add_argument(
-        "--theory", choices=sorted(REFERENCES), help="compare with this one, not with the best for each run"
+        "--theory", choices=sorted(REFERENCES), help="compare with this theory in place of the best one for each run"
     )
     parser.add_argument("--json", metavar="FILE", help="write the comparisons as JSON")
-    parser.add_argument("--force", action="store_true", help="take runs that did not finish, too")
+    parser.add_argument("--force", action="store_true", help="include runs that did not finish")
     options = parser.parse_args(argv)
     if any(map(is_unnamed, options.runs)):
         return _of_unnamed(options)

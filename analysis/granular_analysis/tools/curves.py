@@ -1,4 +1,4 @@
-"""The figure of a sweep: how far its runs moved, as dots, over what was varied, with theory as lines beside them."""
+"""Figure of a sweep: largest signals of its runs, as dots, over the varied key, with theory as lines."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -22,16 +22,16 @@ UNITS |= {"radius": "m", "youngs_modulus": "Pa", "density": "kg/m³", "work_of_a
 def figure(
     swept: Swept, records: Sequence[Record], signals: Sequence[tuple[Floats, ...] | None], labels: dict[str, str]
 ) -> "Figure | None":
-    """Return the largest of each signal in the runs of a sweep, and in their references, over the key with most values.
+    """Return the figure of the largest value of each signal, for runs and references, over the key with most values.
 
-    There is a panel for each signal that is not zero by symmetry, and a colour for each combination of the other keys.
-    None where nothing that varies is a number, or no run has a reference.
+    Each signal that is not zero by symmetry has a panel, and each combination of the other keys a colour. Returns None
+    if no varied key is a number, or no run has a reference.
 
     Parameters
     ----------
     swept, records : the sweep, and the records of its finished runs.
-    signals : of the reference of each run, in the order of `signals_of`; None of a run without one.
-    labels : of the signals.
+    signals : signals of the reference of each run, in the order of `signals_of`; None for a run without one. labels :
+    labels of the signals.
     """
     varied = {key: values for key, values in swept.columns(records).items() if key in swept.over}
     axis = max((key for key in varied if _numbers(varied[key])), key=lambda key: len(set(varied[key])), default=None)
@@ -68,7 +68,7 @@ def figure(
 
 
 def _largest(records: Sequence[Record], names: Sequence[str]) -> Floats:
-    """Return the largest magnitude of each signal of each run, (runs, signals); nan of one that was not tracked."""
+    """Return the largest magnitude of each signal of each run, (runs, signals); nan if it was not recorded."""
     found = [recorded(record) for record in records]
     return np.array([[np.max(np.abs(each[name])) if name in each else np.nan for name in names] for each in found])
 

@@ -6,7 +6,6 @@ table of densities. The same command again continues a search that was stopped. 
 
 import argparse
 import hashlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,9 +17,10 @@ from granular_analysis.measure.runs import load
 from granular_analysis.plotting import in_one_line, scene_of, write, write_csv
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network_design import Best, Design, Evaluation, improved
+from granular_analysis.tools.kept import begun
 from granular_lmp.cli.output import interruptible
 
-SCENE, TABLE, LOG, ASKED, EVALUATIONS = "scene.toml", "spheres.csv", "log.csv", "design.json", "evaluations.bin"
+SCENE, TABLE, LOG, ASKED = "scene.toml", "spheres.csv", "log.csv", "design.json"
 INTERRUPTED = 130
 
 
@@ -28,26 +28,10 @@ class Kept:
     """The folder of a search: what was asked, and all evaluations so far."""
 
     def __init__(self, folder: Path, asked: Mapping[str, Any]) -> None:
-        """Begin a folder, or continue that of the same search.
-
-        Raises TheoryError for a folder that holds another search, or files that are none of it.
-        """
+        """Begin a folder, or continue that of the same search; raises TheoryError as `begun` does."""
         self.folder, count = folder, int(asked["numbers"])
-        path, said = folder / ASKED, json.dumps(asked, indent=2) + "\n"
-        if path.is_file():
-            if path.read_text(encoding="utf-8") != said:
-                raise TheoryError(
-                    f"{folder}: holds another search; give its scene and options again, or another folder"
-                )
-        elif there := [name for name in (SCENE, TABLE, LOG, EVALUATIONS) if (folder / name).exists()]:
-            raise TheoryError(f"{folder}: holds {there[0]}, which is of no search; give another folder")
-        else:
-            write(path, said)
-        self.path = folder / EVALUATIONS
         row = np.dtype([("value", "<f8"), ("slope", "<f8", count), ("numbers", "<f8", count)])
-        with self.path.open("ab") as stream:  # without the rest of one that was not written to its end
-            stream.truncate(stream.tell() // row.itemsize * row.itemsize)
-        rows = np.fromfile(self.path, dtype=row)
+        self.path, rows = begun(folder, ASKED, asked, row, (SCENE, TABLE, LOG))
         self.evaluations = [Evaluation(float(each["value"]), each["slope"], each["numbers"]) for each in rows]
 
     def add(self, found: Evaluation) -> None:

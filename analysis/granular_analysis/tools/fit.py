@@ -1,13 +1,13 @@
-"""Keys of a scene from measured points, with 95 % intervals, and the scene that meets them, ready to run.
+"""Fit keys of a scene to measured points, with 95 % intervals, and write the fitted scene, ready to run.
 
     granular-analysis fit DATA.csv SCENE --free KEY [KEY ...] [--only KIND ...] [--loss LOSS] [-o FIGURE]
         [--json FILE] [--scene FILE]
 
 DATA.csv has a row for each point: a frequency at a wave number, an amplitude of a second harmonic, an arrival or a
 speed of the front of an impact, the motion of a sphere at a time (`granular_analysis.measure.points`). The scene, a
-file or the name of a shipped one, gives every other number and where the search starts. If points have no error, their
-scatter tells it. If they have, the table says how well the model meets them: χ² a degree of freedom, 1 if both are
-right.
+file or the name of a shipped one, gives all other numbers and the start of the search. If points have no error, the
+error follows from their scatter. If they have, the table gives χ² per degree of freedom, which is 1 if the model and
+the errors are right.
 """
 
 import argparse
@@ -33,17 +33,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_STRONG = 0.99  # correlation that is reported
-_FAR = 5.0  # residual that is reported
-_MOVED = 100.0  # factor between a key and its start that is reported
-_UNLIKELY = 1e3  # χ² a degree of freedom, and its inverse, that are reported
+_STRONG = 0.99  # smallest correlation in the report
+_FAR = 5.0  # smallest residual in the report, standard deviations
+_MOVED = 100.0  # smallest factor between a key and its start in the report
+_UNLIKELY = 1e3  # χ² per degree of freedom, and its inverse, above which the report mentions it
 _LINES = 200  # wave numbers of a branch in the figure
 _DRAWN = 6  # traces in the figure
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A fit with its answer, and the columns of the table that it is of."""
+    """Fit with its answer, and the columns of its table."""
 
     fit: Fit
     found: Estimate
@@ -56,7 +56,7 @@ class Fitted:
 
 
 def table(fitted: Fitted) -> str:
-    """Return the keys with their intervals, how well they meet the points, what they cannot tell, and the points."""
+    """Return the keys with their intervals, the quality of the fit, what it cannot determine, and the points."""
     fit, found = fitted.fit, fitted.found
     lines = [f"{'key':30}{'fitted':>13}{'95 % from':>13}{'to':>13}{'start':>13}"]
     for each, value, (low, high) in zip(found.parameters, found.values, found.intervals, strict=True):
@@ -89,17 +89,17 @@ def table(fitted: Fitted) -> str:
         )
     lines.append("residuals are in standard deviations of a point")
     if any(each.of_trace for each in fit.points):
-        lines.append("a trace stands with row/column, its largest value, and the root mean square of its residuals")
+        lines.append("a trace shows row/column, its largest value, and the root mean square of its residuals")
     return "\n".join(lines)
 
 
 def _place(point: Point) -> str:
-    """Return row, column and layer of a point of a trace, as far as it has them."""
+    """Return the row, column and layer of a point of a trace, if it has them."""
     return "/".join(str(each) for each in (point.row, point.column, point.layer) if each >= 0)
 
 
 def _of_traces(fit: Fit) -> dict[tuple[str, int, int, int], list[int]]:
-    """Return which points are of each trace, by kind, row, column and layer."""
+    """Return the points of each trace, by kind, row, column and layer."""
     found: dict[tuple[str, int, int, int], list[int]] = {}
     for n, each in enumerate(fit.points):
         if each.of_trace:
@@ -108,13 +108,13 @@ def _of_traces(fit: Fit) -> dict[tuple[str, int, int, int], list[int]]:
 
 
 def _verdict(fitted: Fitted) -> list[str]:
-    """Return the sentences on the residuals, and on keys that the points cannot tell apart."""
+    """Return sentences on the residuals, and on keys that the points cannot distinguish."""
     found = fitted.found
     if found.error is not None:
         unit, size = _unit(fitted.fit.points[0].kind, found.error)
-        said = [f"error of a point, by the scatter of {len(found.residuals)}: {found.error / size:.4g} {unit}"]
+        said = [f"error of a point, from the scatter of {len(found.residuals)}: {found.error / size:.4g} {unit}"]
     elif found.freedom:
-        said = [f"chi2 = {found.chi_squared:.4g} a degree of freedom, of {found.freedom}"]
+        said = [f"chi2 = {found.chi_squared:.4g} per degree of freedom, with {found.freedom} degrees"]
     else:
         said = ["as many keys as points: the points cannot test the model"]
     said += [f"slopes of traces are differences of runs: {each}" for each in fitted.fit.remarks]
@@ -122,24 +122,24 @@ def _verdict(fitted: Fitted) -> list[str]:
     worst = int(np.argmax(np.abs(found.residuals)))
     if abs(found.residuals[worst]) > _FAR:
         said.append(
-            f"line {fitted.fit.points[worst].line} is {abs(found.residuals[worst]):.0f} standard deviations off: "
-            "try another branch, another model or a nearer start"
+            f"line {fitted.fit.points[worst].line} is {abs(found.residuals[worst]):.0f} standard deviations off: try "
+            "another branch, another model or a closer start"
         )
     for group in found.blind:
         keys = ", ".join(group)
-        said.append(f"the data do not determine {keys}" if len(group) == 1 else f"the data cannot tell apart: {keys}")
+        said.append(f"the data do not determine {keys}" if len(group) == 1 else f"the data cannot distinguish: {keys}")
     names = [each.name for each in found.parameters]
     for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
         correlation = found.correlations[i, j]
         if abs(correlation) > _STRONG:
-            said.append(f"{names[i]} and {names[j]} can hardly be told apart: correlation {correlation:.4f}")
+            said.append(f"{names[i]} and {names[j]} can hardly be distinguished: correlation {correlation:.4f}")
         elif np.isfinite(correlation):
             said.append(f"correlation of {names[i]} and {names[j]}: {correlation:.2f}")
     return said
 
 
 def unlikely_units(fit: Fit, columns: Sequence[Column]) -> list[str]:
-    """Return a sentence on each kind of point that is about a thousand times what the start gives, or a thousandth."""
+    """Return a sentence on each kind of point that is about 1000 times, or 1/1000 of, its value at the start."""
     said, pairs = [], list(zip(fit.points, fit.at_start, strict=True))
     for kind in dict.fromkeys(each.kind for each in fit.points):
         own = np.array([(each.value, value) for each, value in pairs if each.kind == kind]).T
@@ -149,12 +149,12 @@ def unlikely_units(fit: Fit, columns: Sequence[Column]) -> list[str]:
             size = np.linalg.norm(own, axis=1)
             factor = float(size[0] / size[1]) if size[1] else 0.0
         if _thousands(factor):
-            said.append(f"{kind} is {factor:.2g} times what the start gives{_perhaps(columns, kind, kind, factor)}")
+            said.append(f"{kind} is {factor:.2g} times its value at the start{_perhaps(columns, kind, kind, factor)}")
     return said
 
 
 def _unlikely(fitted: Fitted) -> list[str]:
-    """Return sentences on keys far from where they started, and on errors of another size than the residuals."""
+    """Return sentences on keys far from their start, and on errors whose size differs from the residuals."""
     found = fitted.found
     said = [
         f"{each.name} is {value / each.start:.2g} times its start"
@@ -164,17 +164,17 @@ def _unlikely(fitted: Fitted) -> list[str]:
     if found.error is None and found.freedom and not 1 / _UNLIKELY < found.chi_squared < _UNLIKELY:
         size = float(np.sqrt(found.chi_squared))
         unit = _perhaps(fitted.columns, ERROR, fitted.fit.points[0].kind, 1 / size)
-        said.append(f"residuals are {size:.2g} times what the errors say{unit}")
+        said.append(f"residuals are {size:.2g} times the given errors{unit}")
     return said
 
 
 def _thousands(factor: float) -> int:
-    """Return the power of 1000 that is nearest to a factor."""
+    """Return the power of 1000 nearest to a factor."""
     return round(np.log10(factor) / 3) if 0 < factor < np.inf else 0
 
 
 def _perhaps(columns: Sequence[Column], quantity: str, kind: str, factor: float) -> str:
-    """Ask for the unit that a column may have in place of that of its head, which makes it `factor` times too large."""
+    """Return a question about the unit of a column if another unit would explain values `factor` times too large."""
     for column in columns:
         if column.quantity == quantity and column.unit in UNITS[kind]:
             size = UNITS[kind][column.unit] / 1e3 ** _thousands(factor)
@@ -191,7 +191,7 @@ def _unit(kind: str, value: float) -> tuple[str, float]:
 
 
 def figure(fitted: Fitted) -> "Figure":
-    """Return the points with the fitted branches, or beside their predictions, and the residuals."""
+    """Return the figure of the points with fitted branches, or beside their predictions, and of the residuals."""
     fit, found = fitted.fit, fitted.found
     drawing = page(3.4)
     left, right = drawing.subplots(1, 2)
@@ -221,7 +221,7 @@ def figure(fitted: Fitted) -> "Figure":
 def _branches(fitted: Fitted, axes: "Axes") -> None:
     """Draw measured frequencies over the wave number, on the fitted branches along the direction of the scene.
 
-    Guided surface waves are dashed, if there is a point of them.
+    Guided surface waves are dashed, and drawn only if there is a point on them.
     """
     fit, scene = fitted.fit, fitted.scene
     setting = Setting(scene)
@@ -240,7 +240,7 @@ def _branches(fitted: Fitted, axes: "Axes") -> None:
 
 
 def _records(fitted: Fitted, traces: Sequence[Sequence[int]], axes: "Axes") -> None:
-    """Draw measured and fitted traces over time, one above the other, each over its largest measured value."""
+    """Draw measured and fitted traces over time, one above the other, each divided by its largest measured value."""
     fit, predicted = fitted.fit, fitted.fit.predicted(fitted.found.values)
     second = fitted.scene.scale.time
     for height, chosen in enumerate(traces):
@@ -254,31 +254,31 @@ def _records(fitted: Fitted, traces: Sequence[Sequence[int]], axes: "Axes") -> N
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command and return its exit status."""
     parser = argparse.ArgumentParser(
         description=(__doc__ or "").partition("\n")[0],
         epilog="A column of DATA.csv is a quantity and its unit: "
         + "; ".join(f"{name} in {', '.join(filter(None, units))}" for name, units in UNITS.items() if name in KINDS)
-        + ". Others say where it belongs: branch, wavenumber or wavelength, direction, amplitude, time, row, column; "
-        "and its error: error_UNIT or error_%.",
+        + ". Other columns describe the point: branch, wavenumber or wavelength, direction, amplitude, time, row, "
+        "column; and its error: error_UNIT or error_%.",
     )
-    parser.add_argument("data", metavar="DATA.csv", help="measured points, a row each")
-    parser.add_argument("scene", metavar="SCENE", help="a file or a shipped scene: the model, and where the fit starts")
+    parser.add_argument("data", metavar="DATA.csv", help="measured points, one per row")
+    parser.add_argument("scene", metavar="SCENE", help="file or shipped scene: the model and the start of the fit")
     changes_argument(parser, "sphere.poisson_ratio=0.3")
-    parser.add_argument("--free", nargs="+", required=True, metavar="KEY", help="keys of the scene that are fitted")
+    parser.add_argument("--free", nargs="+", required=True, metavar="KEY", help="keys of the scene to fit")
     parser.add_argument(
         "--only",
         nargs="+",
         default=[],
         choices=sorted(KINDS),
         metavar="KIND",
-        help="take these columns of values alone",
+        help="use only these columns of values",
     )
     parser.add_argument(
         "--loss", choices=LOSSES, default="linear", help="linear: least squares; the others give outliers less weight"
     )
     parser.add_argument("-o", "--output", metavar="FIGURE", help="draw points, fit and residuals: PNG, PDF or SVG")
-    parser.add_argument("--json", metavar="FILE", help="write all of the answer as JSON")
+    parser.add_argument("--json", metavar="FILE", help="write the full result as JSON")
     parser.add_argument("--scene", dest="fitted", metavar="FILE", help="write the fitted scene, ready to run")
     options = parser.parse_args(arguments)
     with in_one_line():

@@ -1,17 +1,17 @@
-"""The coherent second harmonic of a scene's wave, in a crystal that is perfect or not, with its error.
+"""Coherent second harmonic of the wave of a scene, in a perfect or imperfect crystal, with its error.
 
     granular-analysis harmonic SCENE_OR_RUN [--by theory|cell|network] [--csv FILE] [--json FILE]
     granular-analysis harmonic SWEEP_OVER_PHASES
     granular-analysis harmonic SCENE --seeds N [-o FOLDER] [--json FILE]
 
-A scene, a file or the name of a shipped one, and a run are treated by the first of three ways that holds them: the
-theory of second order of a perfect crystal or layers; the second order of the cell of its spheres; their network. The
-latter two begin from the first snapshot of a run; of a scene, one sample is run for it. ``--by`` asks for one of the
-three. Of a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in the snapshots by least
-squares. `granular_analysis.measure.harmonic` says what is meant, and what the errors are.
+For a scene (a file or the name of a shipped one) or a run, the first of three methods that applies is used:
+second-order theory of a perfect crystal or of layers, second order of the cell of its spheres, or their network. The
+latter two begin from the first snapshot of a run; for a scene one sample is run to make it. ``--by`` selects a method.
+For a sweep over six or more values of ``wave.phase``, or for its runs, the harmonic is measured in snapshots by least
+squares. `granular_analysis.measure.harmonic` defines it and its errors.
 
-``--seeds`` runs a disordered scene with N seeds, and its perfect crystal, and prints the mean over the seeds beside
-that of equal spheres (`granular_analysis.measure.disordered`).
+``--seeds`` runs a disordered scene with N seeds, and its perfect crystal, and prints the mean over the seeds and the
+value for equal spheres (`granular_analysis.measure.disordered`).
 """
 
 import argparse
@@ -44,12 +44,12 @@ def harmonic(targets: Sequence[str], by: str | None = None, changes: Mapping[str
 
     changes : values of the scene by dotted keys, as in `Scene.with_values`; a run has its own.
 
-    Raises ValueError or GranularError for what none of the ways holds, SystemExit for a run that cannot be read.
+    Raises ValueError or GranularError if no method applies, SystemExit for a run that cannot be read.
     """
     swept = Swept.load(targets[0]) if len(targets) == 1 else None
     folders = swept.folders if swept else [Path(each) for each in targets]
     if changes and any((each / STATUS).is_file() for each in folders):
-        raise ValueError(f"--set {next(iter(changes))}: changes a scene, and a run has its own")
+        raise ValueError(f"--set {next(iter(changes))}: changes a scene, but a run has its own scene")
     if len(folders) > 1:
         if by:
             raise ValueError(f"--by {by} takes one scene or run, not {len(folders)}")
@@ -69,7 +69,7 @@ def _of_scene(scene: Scene, by: str | None) -> Harmonic:
 
 
 def _first(scene: Scene, by: str | None, record: Callable[[], Record], tau: Floats) -> Harmonic:
-    """Return what the first way that holds a wave finds, or the way that was asked for; ValueError if none holds it."""
+    """Return the result of the first method that applies, or of the selected one; ValueError if none applies."""
     need_wave(scene)
     ways: dict[str, Callable[[], Harmonic]] = {
         "theory": lambda: by_theory(scene, tau),
@@ -87,7 +87,7 @@ def _first(scene: Scene, by: str | None, record: Callable[[], Record], tau: Floa
 
 
 def columns(found: Harmonic) -> dict[str, np.ndarray]:
-    """Return τ, and real part, imaginary part and error of C along k and across, by name."""
+    """Return by name: τ, and real part, imaginary part and error of C along k and across."""
     result = {"tau": found.tau}
     for number, way in enumerate(WAYS):
         values = found.amplitudes[:, number]
@@ -96,7 +96,7 @@ def columns(found: Harmonic) -> dict[str, np.ndarray]:
 
 
 def summary(found: Harmonic) -> dict[str, Any]:
-    """Return the plain values, as the JSON holds them; None for an error that is unknown."""
+    """Return plain values for the JSON; None for an unknown error."""
     scene = found.scene
     wave = {"mode": scene.require_wave().mode, "wavenumber": scene.wavenumber, "direction": scene.direction}
     strengths = {
@@ -122,7 +122,7 @@ def table(found: Harmonic) -> str:
 
 
 def seeds_summary(found: Seeds) -> dict[str, Any]:
-    """Return what the seeds say, as the JSON holds it, in D0 but for ``left`` and ``s``."""
+    """Return the results of the seeds for the JSON, in D0 except ``left`` and ``s``."""
     mean, left = found.mean, found.mean / found.equal
     return {
         "name": found.scene.name,
@@ -149,13 +149,13 @@ def seeds_table(found: Seeds) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command and return its exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("targets", nargs="+", metavar="SCENE_OR_RUN", help="a scene, a run, or runs of several phases")
+    parser.add_argument("targets", nargs="+", metavar="SCENE_OR_RUN", help="scene, run, or runs with several phases")
     changes_argument(parser, "wave.amplitude=0.05")
-    parser.add_argument("--by", choices=("theory", "cell", "network"), help="which way (default: the first that holds)")
+    parser.add_argument("--by", choices=("theory", "cell", "network"), help="method (default: the first that applies)")
     parser.add_argument(
-        "--seeds", metavar="N", type=int, help="run a disordered scene with N seeds: the mean over them"
+        "--seeds", metavar="N", type=int, help="run a disordered scene with N seeds, for the mean over them"
     )
     parser.add_argument(
         "-o", "--output", metavar="FOLDER", help="for --seeds: folder of the runs (default: seeds/NAME)"

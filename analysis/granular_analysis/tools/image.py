@@ -2,13 +2,14 @@
 
     granular-analysis image RECORDS SCENE [RECORDS SCENE ...] --of QUANTITY [--noise SHARE] [-o DIR]
 
-RECORDS are a run folder with monitors, or a table of traces (`granular_analysis.measure.imaging`). SCENE is the crystal
+RECORDS are a run folder with monitors, or a table of traces (`granular_analysis.measure.traces`). SCENE is the crystal
 as it is thought to be, with the sources that made the record; each record has its own, and all have one crystal. DIR
 holds map.csv, the factor of each contact or sphere with its error by noise and the width of a point's image; image.png;
-and log.csv, a line for each weight.
+and log.csv, a line for each weight. The same command again continues one that was stopped.
 """
 
 import argparse
+import hashlib
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.measure.stepping import NetworkEngine
+from granular_analysis.measure.traces import Traces
 from granular_analysis.plotting import in_one_line, letter, page, save, scene_of, write_csv
 from granular_analysis.theory.imaging import WEIGHTS, Image, Trial, widths
+from granular_analysis.tools.kept import begun
 from granular_lmp.cli.arguments import changes_argument
 from granular_lmp.cli.output import interruptible
 
@@ -31,7 +34,7 @@ if TYPE_CHECKING:  # slow to import, and the last needs JAX
     from granular_analysis.measure.imaging import Sought
 
 Floats = NDArray[np.float64]
-MAP, LOG, PICTURE = "map.csv", "log.csv", "image.png"
+MAP, LOG, PICTURE, ASKED = "map.csv", "log.csv", "image.png", "image.json"
 QUANTITIES = ("contact.normal_stiffness", "contact.shear_stiffness", "adhesion", "density")
 MICRO = 1e6
 LEAST = 0.05  # difference from 1 that the colours show at least
@@ -78,8 +81,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     if find_spec("jax") is None:
         raise SystemExit("image: needs JAX: pip install 'granular-lmp[jax]'")
     folder = Path(options.output)
-    if there := [name for name in (MAP, LOG, PICTURE) if (folder / name).exists()]:
-        raise SystemExit(f"{folder}: holds {there[0]}; give another folder, or move it away")
     with in_one_line():
         NetworkEngine.on(options.device)
         sought = _sought(options)
@@ -95,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _sought(options: argparse.Namespace) -> "Sought":
-    from granular_analysis.measure.imaging import Shot, Sought, Traces  # needs JAX
+    from granular_analysis.measure.imaging import Shot, Sought  # needs JAX
 
     pairs = zip(options.shots[::2], options.shots[1::2], strict=True)
     noise = 1.0 if options.noise is None else options.noise
@@ -104,7 +105,20 @@ def _sought(options: argparse.Namespace) -> "Sought":
 
 
 def _searched(sought: "Sought", options: argparse.Namespace, folder: Path) -> Image:
-    """Return the image, and write a line of the log for each weight as soon as it is known."""
+    """Return the image, and keep each weight and its line of the log as soon as they are known."""
+    count = len(sought.owners)
+    row = np.dtype([("weight", "<f8"), ("values", "<f8", count), ("rest", "<f8", 3)])
+    digest = hashlib.sha256()
+    for shot in sought.shots:
+        for part in (shot.scene.to_toml().encode(), shot.measured.tobytes(), shot.errors.tobytes()):
+            digest.update(part)
+    asked = {name: getattr(options, name) for name in ("of", "noise", "penalty", "within")}
+    path, found = begun(folder, ASKED, asked | {"shots_sha256": digest.hexdigest()}, row, (MAP, LOG, PICTURE))
+    kept = [
+        Trial(float(each["weight"]), each["values"], float(misfit), float(penalty), int(gradients))
+        for each in found
+        for misfit, penalty, gradients in [each["rest"]]
+    ]
     rows: list[list[object]] = []
     with interruptible() as progress:
 
@@ -112,10 +126,15 @@ def _searched(sought: "Sought", options: argparse.Namespace, folder: Path) -> Im
             trouble = sought.trouble(trial.values)
             rows.append([trial.weight, trial.misfit / sought.points, trial.penalty, trial.gradients, trouble])
             write_csv(folder / LOG, ["weight", "chi2_a_point", "penalty", "gradients", "kinks"], rows)
+            if len(rows) > len(kept):
+                with path.open("ab") as stream:
+                    numbers = [trial.weight], trial.values, [trial.misfit, trial.penalty, trial.gradients]
+                    np.concatenate(numbers).astype("<f8").tofile(stream)
             if progress:
                 progress(len(rows), max(WEIGHTS, len(rows)), None)
 
-        return sought.image(options.penalty, known=options.noise is not None, bounds=tuple(options.within), told=told)
+        known = options.noise is not None
+        return sought.image(options.penalty, known=known, bounds=tuple(options.within), told=told, kept=kept)
 
 
 def said(sought: "Sought", found: Image, resolved: Floats, errors: Floats, width: Floats) -> str:

@@ -1,12 +1,13 @@
-"""Run a scene without LAMMPS: its deck, stepped as LAMMPS steps it, by the network of its spheres.
+"""Run a scene without LAMMPS: the network of its spheres takes the same steps as LAMMPS would.
 
     granular-analysis network SCENE [-o RUN] [--device cpu|jax|gpu] [--step TAU | --tolerance SHARE]
     granular-analysis network SCENE --over KEY=VALUES [--workers N] [-o SWEEP]
     granular-analysis network --resume RUN
 
-The run folder is one of ``granular-lmp run``, with the same record to rounding: ``granular-lmp view``, ``export`` and
-``front`` and ``granular-analysis compare`` read it. Compiled loops take the steps on one core, or NumPy where there is
-no C compiler; JAX (``granular-lmp[jax]``) takes them on all cores or on a card. ``device`` of ``run.json`` says which.
+The run folder is like that of ``granular-lmp run``, with the same record up to rounding; ``granular-lmp view``,
+``export`` and ``front`` and ``granular-analysis compare`` read it. Compiled loops take the steps on one core, or NumPy
+if there is no C compiler; JAX (``granular-lmp[jax]``) takes them on all cores or on a GPU. ``run.json`` names the
+``device``.
 """
 
 import argparse
@@ -23,7 +24,7 @@ from granular_lmp.runs.record import Scene, read_status
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command and return its exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file, folder with scene.toml, or shipped scene")
     changes_argument(parser, "wave.wavenumber=1.2")
@@ -32,13 +33,13 @@ def main(argv: list[str] | None = None) -> int:
         "--device",
         choices=["cpu", "jax", "gpu"],
         default="cpu",
-        help="where the steps are taken: on one core, on all cores by JAX, or on a card by JAX",
+        help="device for the steps: one core, all cores with JAX, or a GPU with JAX",
     )
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--step", type=float, metavar="TAU", help="the time step, time.timestep of the scene")
-    how.add_argument("--tolerance", type=float, metavar="SHARE", help="the error that ends a ladder of steps")
+    how.add_argument("--step", type=float, metavar="TAU", help="time step, time.timestep of the scene")
+    how.add_argument("--tolerance", type=float, metavar="SHARE", help="error at which a ladder of steps ends")
     sweep_arguments(parser, "granular-analysis network ...")
-    parser.add_argument("--resume", metavar="RUN", help="continue a stopped run on its device")
+    parser.add_argument("--resume", metavar="RUN", help="continue a stopped run on the same device")
     parser.set_defaults(all_effects=False)
     options = parser.parse_args(argv)
     if (options.scene is None) == (options.resume is None):
@@ -46,7 +47,7 @@ def main(argv: list[str] | None = None) -> int:
     if options.over and options.resume is not None:
         parser.error("--over: the command that began a sweep continues it; --resume is for a run")
     if options.device == "gpu" and options.workers not in (1, "mpi"):
-        parser.error("--device gpu: takes one worker, as JAX reserves most of a card's memory")
+        parser.error("--device gpu: takes one worker, as JAX reserves most of the memory of a GPU")
     try:
         if options.resume is not None:
             engine = NetworkEngine.on(kind_of(str(read_status(options.resume).get("device", options.device))))

@@ -1,17 +1,16 @@
-"""All resonances and antiresonances of second order of a scene's crystal, along its direction or over directions.
+"""Resonances and antiresonances of second order in the crystal of a scene, along its direction or over directions.
 
     granular-analysis resonances SCENE [--direction DEG] [--map N] [-o FILE]
 
-SCENE is a file or the name of a shipped scene. Its crystal may be any lattice, with rows of other densities in a
-pattern that repeats. A wave of one branch drives waves at twice its wave number and frequency. Where one of these is
-free it grows: the table has the wave number, the branches, the frequency, and the growth in a period of the wave, in
-its amplitude D0 per a = D0/Δ0; where symmetry forbids growth it says why. Where a branch gets no force between two
-waves that give it some, the table says antiresonance. All stands in a CSV file beside the figure.
+SCENE is a file or the name of a shipped scene. Its crystal may be any lattice, with rows of different densities in a
+repeating pattern. A wave of one branch drives waves at twice its wave number and frequency. If one of these is a free
+wave, it grows: the table has the wave number, the branches, the frequency, and the growth per period of the wave, in D0
+per a = D0/Δ0. If symmetry forbids growth, the table gives the reason. An antiresonance is a wave that exerts no force
+on a branch, between two waves that do. A CSV file beside the figure has all values. A line below the table says how far
+second order holds for the wave of the scene.
 
-Below the table stands how far second order holds for the wave of the scene.
-
-Branches of a lattice with one sphere a cell are L, TR and RT, of others 1, 2, … by frequency. Amplitudes are the root
-mean square over the spheres of a cell.
+Branches of a lattice with one sphere per cell are L, TR and RT; otherwise 1, 2, … by frequency. Amplitudes are root
+mean squares over the spheres of a cell.
 """
 
 from collections.abc import Sequence
@@ -33,12 +32,12 @@ from granular_lmp.cli.arguments import changes_argument
 Floats = NDArray[np.float64]
 FIELDS = ("direction", "kind", "wavenumber", "wave", "target", "frequency_Hz", "growth", "forbidden")
 COLOURS = ("C0", "black", "C3", "C2", "C4", "C5")
-SILENT = 1e-9  # a stretch, of that which opens a contact, or a coefficient of friction that is rounding
+SILENT = 1e-9  # rounding of a stretch, over the stretch that opens a contact, or of a coefficient of friction
 LARGEST_DOT = 260.0  # points², of the fastest growth
 
 
 class Row(tuple[float, str, float, str, str, float, float, str]):
-    """A line of the table, by `FIELDS`."""
+    """Line of the table, by `FIELDS`."""
 
 
 def rows(setting: Setting, crystal: Crystal, degrees: float) -> list[Row]:
@@ -78,7 +77,7 @@ def table(found: Sequence[Row], several: bool) -> str:
 
 
 def outlook(setting: Setting, crystal: Crystal) -> str:
-    """Return how far second order holds for the wave of the scene."""
+    """Return a sentence on how far second order holds for the wave of the scene."""
     scene, a = setting.scene, setting.scene.amplitude
     said = f"{scene.require_wave().mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts "
     if len(crystal) > 1:
@@ -92,17 +91,19 @@ def outlook(setting: Setting, crystal: Crystal) -> str:
     turns = "" if np.isnan(alone.drift) else f", whose phase third order shifts by {alone.drift:.2g} rad a period"
     slides = f" and slide below a friction of {alone.friction:.2g}" if alone.friction > SILENT else ""
     opens = _opens(a, alone.opening)
-    creeps = f"; slip winds up, and spheres creep by {alone.creep:.2g} of it a period" if alone.creep > SILENT else ""
+    creeps = (
+        f"; slip accumulates, and spheres creep by {alone.creep:.2g} of it per period" if alone.creep > SILENT else ""
+    )
     return f"{said}{opens}{slides}; the forced second harmonic is {alone.second:.2g} of the wave{turns}{creeps}"
 
 
 def _opens(a: float, opening: float, above: str = "") -> str:
-    """Return at which amplitude contacts open, by the opening of a wave of amplitude a."""
+    """Return the amplitude at which contacts open, from the stretch in a wave of amplitude a."""
     return f"open at a = {a / opening:.3g}{above}" if opening > SILENT else "are not stretched in first order"
 
 
 def draw(setting: Setting, crystal: Crystal, found: Sequence[Row], degrees: float) -> Figure:
-    """Return the figure of one direction: branches at 2k, and twice the frequencies at k."""
+    """Return the figure for one direction: branches at 2k, and twice the frequencies at k."""
     along = padded(frame(degrees)[0])
     numbers = zone_edge(crystal, along) * np.arange(1, COUNT + 1) / COUNT
     waves, targets = (crystal.modes(np.outer(factor * numbers, along)).frequencies / (2e6 * np.pi) for factor in (1, 2))
@@ -131,7 +132,7 @@ def draw(setting: Setting, crystal: Crystal, found: Sequence[Row], degrees: floa
 
 
 def draw_map(setting: Setting, found: Sequence[Row]) -> Figure:
-    """Return the figure over directions, of the resonances that grow."""
+    """Return the figure of growing resonances over directions."""
     figure = page(4.6)
     axes = figure.subplots()
     grows = [row for row in found if row[6] > 0]
@@ -148,7 +149,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     command = parser(__doc__, "resonances.png")
     command.add_argument("scene", metavar="SCENE", help="file or name of a shipped scene")
     changes_argument(command, "sphere.poisson_ratio=0.3")
-    command.add_argument("--direction", type=float, metavar="DEG", help="from a row (default: that of the scene)")
+    command.add_argument(
+        "--direction", type=float, metavar="DEG", help="degrees from a row (default: direction of the scene)"
+    )
     command.add_argument("--map", type=int, metavar="N", help="N directions from 0 to 180 degrees")
     options = command.parse_args(arguments)
     if options.map is not None and (options.map < 2 or options.direction is not None):

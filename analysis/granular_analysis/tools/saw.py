@@ -1,23 +1,23 @@
-"""Surface waves of an elastic substrate that couple to the contact resonances of the layer of a scene.
+"""Surface waves of an elastic substrate, coupled to the contact resonances of the layer of a scene.
 
     granular-analysis saw SCENE [--data DATA.csv] [--density RHO] [--thickness H [--below E NU RHO]]
                                 [--direction DEG] [--limit XI] [-o FILE]
 
-SCENE is a file or the name of a shipped scene of one layer, or of a film, with a [substrate]. In a run the substrate is
-rigid; here it has the moduli that the scene gives, and the density RHO in kg/m³ (default: `substrate.density`, or that
-of the spheres). Guided waves are slower than its transverse waves, and none is missed; waves that leak into it are
-followed from k = 0 upward. With a thickness H in m the substrate is a plate, free below, from which no wave leaks; or a
-film on a half-space of Young's modulus E, Poisson's ratio NU and density RHO.
+SCENE is a file or the name of a shipped scene of one layer or a film on a [substrate]. In a run the substrate is rigid;
+here it has the moduli in the scene, and the density RHO in kg/m³ (default: `substrate.density`, or the density of the
+spheres). Guided waves are slower than its transverse waves, and the search misses none; waves that leak into the
+substrate are followed from k = 0 upward. With a thickness H in m the substrate is a plate with a free lower face, from
+which no wave leaks, or a film on a half-space with Young's modulus E, Poisson's ratio NU and density RHO.
 
 The table has the speeds, the leaking resonances at k = 0 with their quality factors, and the guided waves where the
-bare surface wave would cross the vertical resonance, each with its shape: shares of the spheres' motion that are
-vertical, along the wave, across, and turning, and how far the surface moves with them. Next to the line of longitudinal
-waves a leaking wave jumps, as it begins to send them out. All branches stand in a CSV file beside the figure, with
-their attenuation. Frequencies leave out half of the overlap ratio of the spheres.
+bare surface wave would cross the vertical resonance. Each guided wave has a shape: the shares of vertical,
+longitudinal, transverse and rotational motion of the spheres, and the motion of the surface. A leaking wave jumps at
+the line of longitudinal waves, where it begins to radiate them. A CSV file beside the figure has all branches with
+their attenuation. The relative error of frequencies is half of the overlap ratio of the spheres.
 
 DATA.csv holds measured frequencies (`granular_analysis.measure.points`), whose branch is empty or `saw` for the nearest
-of these waves, or `saw1`, `saw2`, … for a guided one, counted from the lowest. They are drawn with their errors at
-their wave numbers, and listed beside the waves that they are.
+of these waves, or `saw1`, `saw2`, … for a guided one, counted from the lowest. They are drawn with errors at their wave
+numbers, and listed beside their waves.
 """
 
 from argparse import Namespace
@@ -43,7 +43,7 @@ from granular_lmp.scene.spreadsheets import TableError
 Floats = NDArray[np.float64]
 POINTS = 120
 SHAPE = ("vertical", "along", "across", "turning", "surface")
-BEYOND = 2.5  # waves are drawn up to as many times the wave number where surface wave and vertical resonance meet
+BEYOND = 2.5  # largest wave number in the figure, over that where surface wave and vertical resonance meet
 
 
 def table(film: Film) -> str:
@@ -55,7 +55,7 @@ def table(film: Film) -> str:
         f"{'wave':10}{'xi':>9}{'Hz':>13}{'rigid':>13}{'Q':>11}{'1/s':>11}" + "".join(f"{each:>9}" for each in SHAPE),
     ]
     crossing = film.guided(np.array([film.crossing]))
-    if np.isinf(film.coupled.substrate.cutoff):  # no resonance leaks from a plate
+    if np.isinf(film.coupled.substrate.cutoff):  # a plate has no leaking resonance
         return "\n".join(lines + [_line(each) for each in [*film.guided(np.array([begin])), *crossing]])
     for rigid, omega in zip(*film.resonances(begin * film.unit), strict=True):
         if np.isfinite(omega):
@@ -70,7 +70,7 @@ def _line(wave: Wave, rigid: str = "") -> str:
 
 
 def beside(points: Sequence[Point], found: Floats) -> str:
-    """Return a line for each measured point with the frequency of its wave, Hz, and how far off it is."""
+    """Return a line for each measured point with the frequency of its wave, Hz, and the difference."""
     lines = [f"{'line':>5}{'branch':>8}{'measured, MHz':>16}{'wave, MHz':>14}{'off, %':>10}{'off, errors':>13}"]
     for each, hertz in zip(points, found, strict=True):
         errors = f"{(each.value - hertz) / each.error:13.2f}" if each.error else f"{'-':>13}"
@@ -82,7 +82,7 @@ def beside(points: Sequence[Point], found: Floats) -> str:
 
 
 def measured(file: str) -> tuple[list[Point], str]:
-    """Return the points of a table, and how it was understood; TableError for one that is no surface wave."""
+    """Return the points of a table, and how it was understood; TableError for a point on no surface wave."""
     found, table = read(file)
     points = [replace(each, branch=each.branch or BRANCH) for each in found]
     for each in points:
@@ -93,9 +93,9 @@ def measured(file: str) -> tuple[list[Point], str]:
 
 
 def draw(film: Film, waves: Sequence[Wave], name: str, points: Sequence[Point], numbers_of_points: Floats) -> Figure:
-    """Return the figure: waves by the share of vertical motion, the bare waves, and the layer on a rigid substrate.
+    """Return the figure: waves coloured by vertical motion, bare waves, and the layer on a rigid substrate.
 
-    Measured points stand at their wave numbers (N,), rad per row.
+    Measured points have wave numbers (N,), rad per row.
     """
     figure = page(4.6)
     axes = figure.subplots()
@@ -130,11 +130,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     number: dict[str, Any] = {"type": float, "default": None}
     command.add_argument("scene", metavar="SCENE", help="file or name of a shipped scene with a [substrate]")
     changes_argument(command, "substrate.density=2000")
-    command.add_argument("--data", metavar="DATA.csv", help="measured points, drawn over the waves and listed")
-    command.add_argument("--density", metavar="RHO", help="of the substrate, kg/m3 (default: the scene's)", **number)
-    command.add_argument("--thickness", metavar="H", help="of the substrate, m: a plate, or a film", **number)
-    command.add_argument("--below", nargs=3, type=float, metavar=("E", "NU", "RHO"), help="of what is under the film")
-    command.add_argument("--direction", metavar="DEG", help="from a row (default: that of the scene)", **number)
+    command.add_argument("--data", metavar="DATA.csv", help="measured points, to be drawn over the waves and listed")
+    command.add_argument(
+        "--density", metavar="RHO", help="density of the substrate, kg/m3 (default: density in the scene)", **number
+    )
+    command.add_argument(
+        "--thickness", metavar="H", help="thickness of the substrate, m: makes it a plate or a film", **number
+    )
+    command.add_argument(
+        "--below",
+        nargs=3,
+        type=float,
+        metavar=("E", "NU", "RHO"),
+        help="moduli and density of the half-space under the film",
+    )
+    command.add_argument(
+        "--direction", metavar="DEG", help="degrees from a row (default: direction of the scene)", **number
+    )
     command.add_argument("--limit", metavar="XI", help="largest wave number, rad per row", **number)
     options = command.parse_args(arguments)
     if wrong := _wrong(options):
@@ -157,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _wrong(options: Namespace) -> str:
-    """Return what is wrong with the options, "" if nothing is."""
+    """Return the error in the options, "" if there is none."""
     for name in ("density", "thickness", "limit"):
         value = getattr(options, name)
         if value is not None and not 0 < value < np.inf:
@@ -171,4 +183,4 @@ def _wrong(options: Namespace) -> str:
     modulus, ratio, density = options.below
     if not (0 < modulus < np.inf and -1 < ratio < 0.5 and 0 < density < np.inf):
         return f"--below {modulus} {ratio} {density}: must be Pa, Poisson's ratio between -1 and 0.5, kg/m3"
-    return "" if options.thickness else "--below: needs --thickness, that of the film above it"
+    return "" if options.thickness else "--below: needs --thickness, the thickness of the film"

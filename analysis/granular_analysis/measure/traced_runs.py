@@ -1,0 +1,246 @@
+"""Points of traces, the motion of spheres at given times, as a run of the network gives them, with their slopes.
+
+A run from what a scene declares has the steps of its LAMMPS run (`granular_analysis.theory.network_verlet`). All runs
+of a fit have one step in seconds, that of the scene from which it starts, so that what they give is smooth in the keys.
+Between steps motions are Hermite's polynomials of third order of displacement and velocity.
+
+The slope by a key θ is dy/dθ = (∂y/∂g)(dg/dθ), with all numbers g that a run begins with: stiffnesses, overlaps,
+masses, the motion at the start, signals of sources, dashpots. The change of the numbers with the key is a difference of
+closed forms, which costs no run; that of the whole run with the numbers is exact, by forward mode
+(`granular_analysis.theory.network_gradient`, which needs JAX). So every number that a scene takes may be free.
+
+Good values: time.timestep of at most a third of the time in which the fastest motion turns by one radian. When it
+breaks: where contacts open, close or slide, a trace has a kink and its slope is refused.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_analysis.measure.points import TRACES, Point
+from granular_analysis.measure.snapshot import FirstSnapshot
+from granular_analysis.measure.stepping import STEPS, NetworkEngine, first_of
+from granular_analysis.measure.traces import spheres_at
+from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.loops import library
+from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_state import damping_ratio
+from granular_lmp.runs.record import GranularError, Scene
+
+__all__ = ["TracedRuns"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.intp]
+# Difference of fourth order of what a run begins with, to both sides, or to one next to a bound: forces at rest, which
+# are larger than those of a wave and cancel, leave 1e-9 of a slope by truncation, and overlaps, which are small against
+# radii, 1e-6 at most by rounding
+_APART = 1e-3
+_BESIDE = {0: -25 / 12, 1: 4.0, 2: -3.0, 3: 4 / 3, 4: -1 / 4}
+_STENCILS = (
+    {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12},
+    _BESIDE,
+    {-far: -weight for far, weight in _BESIDE.items()},
+)
+# Rows of the motion of a sphere in the plane and in space, without those of rates
+_ROWS = {2: ("displacement_x", "displacement_y", "rotation_z"), 3: tuple(TRACES)[:3] + tuple(TRACES)[6:9]}
+_RATES = {"velocity": "displacement", "spin": "rotation"}
+_TRAITS = ("viscosity", "restitution", "friction")  # numbers for which a run is compiled
+
+
+class _Begun(NamedTuple):
+    """A scene at its start, the step in units of its deck, and the units of the points there in SI, (N,)."""
+
+    first: FirstSnapshot
+    step: float
+    units: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class TracedRuns:
+    """Points of traces in the runs of scenes that differ from one by its free keys.
+
+    Attributes
+    ----------
+    scene : from which a fit starts; it gives the step.
+    points : of traces.
+    """
+
+    scene: Scene
+    points: Sequence[Point]
+
+    @cached_property
+    def step(self) -> float:
+        """Length of a step, s."""
+        return float(self.scene.time.step * self.scene.scale.time)
+
+    @cached_property
+    def _times(self) -> Floats:
+        return np.array([each.time for each in self.points])
+
+    @cached_property
+    def steps(self) -> int:
+        """Number of steps to the last time."""
+        return max(int(np.ceil(self._times.max() / self.step - 1e-9)), 1)
+
+    @cached_property
+    def _chosen(self) -> tuple[Integers, Integers, Integers]:
+        """Spheres that are recorded, and of each point which of them it is of, and its row of the motion.
+
+        Raises TheoryError for a sphere that is not there or that a source moves, and for a motion that spheres of the
+        scene do not have.
+        """
+        network = self._begun(self.scene).first.network
+        places = ((f"line {each.line}", each.row, each.column, each.layer) for each in self.points)
+        spheres = spheres_at(places, self.scene, network.position)
+        moved = [int(n) for each in network.drives if each.moves for n in each.spheres]
+        rows, ways = _ROWS[network.dimension], []
+        for each, by_source in zip(self.points, np.isin(spheres, moved), strict=True):
+            if by_source:
+                raise TheoryError(f"line {each.line}: a source moves the sphere of this trace; take another sphere")
+            if each.time < 0:
+                raise TheoryError(f"line {each.line}: time = {each.time:g} s: is before the start of the run")
+            name, _, axis = each.kind.partition("_")
+            still = f"{_RATES.get(name, name)}_{axis}"
+            if still not in rows:
+                raise TheoryError(f"line {each.line}: {each.kind}: spheres in the plane have {', '.join(rows)} alone")
+            ways.append(rows.index(still) + len(rows) * (name in _RATES))
+        every, which = np.unique(spheres, return_inverse=True)
+        return every, which, np.array(ways)
+
+    @cached_property
+    def _reading(self) -> "_Reading":
+        """How the points are read off the motion of the recorded spheres."""
+        _, which, row = self._chosen
+        freedoms = len(_ROWS[self._begun(self.scene).first.network.dimension])
+        before = np.minimum((self._times / self.step).astype(np.intp), self.steps - 1)
+        x, rate = self._times / self.step - before, row >= freedoms
+        values = [2 * x**3 - 3 * x**2 + 1, x**3 - 2 * x**2 + x, 3 * x**2 - 2 * x**3, x**3 - x**2]
+        slopes = [6 * x**2 - 6 * x, 3 * x**2 - 4 * x + 1, 6 * x - 6 * x**2, 3 * x**2 - 2 * x]
+        return _Reading(before, which, row % freedoms, row % freedoms + freedoms, np.where(rate, slopes, values), rate)
+
+    def _begun(self, scene: Scene) -> _Begun:
+        first, _ = first_of(scene)
+        scales = first.scales
+        sizes = {"displacement": scales.metre, "velocity": scales.metre / scales.second, "spin": 1 / scales.second}
+        units = [sizes.get(each.kind.partition("_")[0], 1.0) for each in self.points]
+        return _Begun(first, self.step / scales.second, np.array(units))
+
+    def predicted(self, scene: Scene) -> Floats:
+        """Return what the points would be, (N,), by a run in compiled loops, or in NumPy without a C compiler."""
+        spheres, begun = self._chosen[0], self._begun(scene)
+        march = import_module(STEPS["C" if library() else "NumPy"]).march
+        run = march(begun.first.network, begun.first.state, begun.step, self.steps, 1)
+        motion = np.array([each[:, spheres] for each in run])
+        return np.asarray(_read(motion, begun.step, *self._reading) * begun.units)
+
+    def _beside(
+        self, at: Callable[[Floats], Scene], values: Floats, change: Floats
+    ) -> tuple[list[_Begun], Sequence[float]]:
+        """Return scenes at their start at the points of a difference, and its weights.
+
+        Raises TheoryError next to bounds on both sides.
+        """
+        for stencil in _STENCILS:
+            try:
+                return [self._begun(at(values + far * change)) for far in stencil], [*stencil.values()]
+            except (GranularError, ValueError) as error:
+                refused = error
+        raise TheoryError(str(refused))
+
+    def slopes(self, at: Callable[[Floats], Scene], values: Floats) -> Floats:
+        """Return the slopes (N, P) of the points by the values (P,) of which `at` makes a scene.
+
+        Raises TheoryError without JAX, where a contact opens, closes or slides, and for a key with whose change other
+        spheres may touch.
+        """
+        if find_spec("jax") is None:
+            raise TheoryError("JAX is not installed: pip install 'granular-lmp[jax]'")
+        NetworkEngine.on("jax")  # keeps what it compiles for the next command
+        import jax  # an extra, and slow to import
+
+        from granular_analysis.theory import network_gradient
+        from granular_analysis.theory.network_factors import Run
+
+        reference = self._begun(self.scene).first.network
+
+        def started(begun: _Begun) -> tuple[Run, dict[str, Any]]:
+            """Return a run of the traits of the start, for which it is compiled, and the factor of its dashpots."""
+            own = begun.first.network
+            network = replace(own, **{name: getattr(reference, name) for name in _TRAITS})
+            run = Run(network, begun.first.state, begun.step, self.steps, 1, self._chosen[0])
+            return run, {"damping": np.asarray(_loss(own) / (_loss(reference) or 1.0))}
+
+        here = self._begun(at(values))
+        run, factors = started(here)
+        ways, units = [], []
+        for change in np.diag(_APART * np.where(values, np.abs(values), 1.0)):
+            ends, weights = self._beside(at, values, change)
+            runs, losses = zip(*map(started, ends), strict=True)
+            if not all(_alike(each, run) for each in runs):
+                raise TheoryError("other spheres may touch, or other effects are on, when a key changes")
+            slope = partial(_slope, weights=weights, size=change.sum())
+            ways.append(jax.tree.map(slope, *((each.given, loss) for each, loss in zip(runs, losses, strict=True))))
+            units.append(slope(*(each.units for each in ends)))
+        read = jax.tree_util.Partial(_read_off, reading=self._reading)
+        found, slopes = network_gradient.jacobian(run, read, factors, ways)
+        return np.asarray(slopes * here.units[:, None] + found[:, None] * np.array(units).T)
+
+
+class _Reading(NamedTuple):
+    """How N points are read off motions.
+
+    Attributes
+    ----------
+    before : step before each.
+    which : of the recorded spheres each is of.
+    place, speed : rows of its displacement or turn, and of the velocity or spin.
+    weights : (4, N) of place and speed before and after it; speeds count as ways in a step.
+    rate : whether it is a velocity or spin.
+    """
+
+    before: Integers
+    which: Integers
+    place: Integers
+    speed: Integers
+    weights: Floats
+    rate: NDArray[np.bool_]
+
+
+def _read(
+    motion: Any, step: Any, before: Integers, which: Integers, place: Any, speed: Any, weights: Any, rate: Any
+) -> Any:
+    """Return the points (N,) of motions (steps + 1, 2f, n), of NumPy or of JAX, in units of the deck."""
+    ends = [(before, place), (before, speed), (before + 1, place), (before + 1, speed)]
+    here, fast, there, faster = (motion[time, row, which] for time, row in ends)
+    found = weights[0] * here + weights[2] * there + step * (weights[1] * fast + weights[3] * faster)
+    return found * (rate / step + ~rate)
+
+
+def _read_off(found: Any, reading: _Reading) -> Any:
+    """Return the points of a record of `granular_analysis.theory.network_gradient`."""
+    return _read(found.motion, found.times[1], *reading)
+
+
+def _loss(network: Network) -> float:
+    """Return to what all dashpots of a network are proportional."""
+    return network.viscosity if network.restitution is None else damping_ratio(network.restitution)
+
+
+def _alike(run: Any, other: Any) -> bool:
+    """Return whether two runs have the same pairs and traits."""
+    one, two = run.state.pairs, other.state.pairs
+    same = np.array_equal(one.first, two.first) and np.array_equal(one.second, two.second)
+    return same and run.network.traits == other.network.traits
+
+
+def _slope(*values: Any, weights: Sequence[float], size: float) -> Any:
+    """Return the slope of an array of numbers by its values at points of `_STENCILS`, a size apart; integers stay."""
+    if not np.issubdtype(values[0].dtype, np.floating):
+        return values[0]
+    return sum(weight * each for weight, each in zip(weights, values, strict=True)) / size

@@ -1,0 +1,294 @@
+"""Forces and motions of a deck that are not those of contacts: fixes that push, hold, move or turn spheres, and walls.
+
+A fix that is known neither here nor as harmless is kept by its line, and no witness is made of its deck.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import field
+from math import cos, radians, sin
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.foreign.interpreter import Command
+from granular_lmp.foreign.laws import Law, granular
+from granular_lmp.foreign.reading import Reading, Recorded
+from granular_lmp.frozen import dataclass
+from granular_lmp.units import Units
+
+Vector = tuple[float, float, float]
+
+# Beginnings of the styles of fixes that push no sphere; the times of dt/reset must be in the dump
+_HARMLESS = (
+    *("enforce2d", "property/atom", "store", "print", "ave", "halt", "balance", "vector", "neigh/history"),
+    "dt/reset",
+)
+# Commands between two runs of one dump that change what its spheres do next
+_CHANGING = (
+    *("velocity", "set", "displace_atoms", "delete_atoms", "create_atoms", "change_box", "pair_style", "pair_coeff"),
+    *("timestep", "minimize"),
+)
+_FLAT = 1e-9  # of the radius: places of spheres in one plane differ by less
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A plane at rest: its axis, -1 below the spheres or 1 above them, its place, and its law."""
+
+    axis: int
+    side: int
+    place: float
+    law: Law
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Spheres that a fix moves by ``velocity * t + amplitude * sin(2π t/period)``, from a step on."""
+
+    spheres: tuple[int, ...]
+    velocity: Vector
+    amplitude: Vector
+    period: float
+    begin: int
+
+
+@dataclass(frozen=True)
+class Outside:
+    """What acts on the spheres of a deck beside their contacts, in its units; spheres are told by their ``id``.
+
+    Attributes
+    ----------
+    begin : step of the beginning of the run that writes the dump; None if it is not known.
+    history : whether contacts may hold slip then: earlier runs, or a restart file.
+    forgotten : step at which the deck takes up an earlier run from a data file, which holds no slip; None if none.
+    unturned : whether it is known that no sphere turns at the step `begin`.
+    held : spheres that no force moves: they rest, or keep their velocity.
+    frozen : those of ``fix freeze`` among them, which LAMMPS takes for infinitely heavy in dashpots.
+    pushes : constant forces.
+    walls, motions : planes at rest, and moved spheres.
+    rotation : whether forces turn the free spheres.
+    discs : whether these have the moment of inertia of a disc.
+    others : lines of the deck that act, and that no witness knows.
+    """
+
+    begin: int | None = None
+    history: bool = False
+    forgotten: int | None = None
+    unturned: bool = False
+    held: tuple[int, ...] = ()
+    frozen: tuple[int, ...] = ()
+    pushes: Mapping[int, Vector] = field(default_factory=dict)
+    walls: tuple[Wall, ...] = ()
+    motions: tuple[Motion, ...] = ()
+    rotation: bool = True
+    discs: bool = False
+    others: tuple[str, ...] = ()
+
+    def in_si(self, units: Units) -> dict[str, Any]:
+        """Return what ``run.json`` says of `Outside`, in SI units (of units lj in these)."""
+        return {
+            "begin": self.begin,
+            "history": self.history,
+            "forgotten": self.forgotten,
+            "unturned": self.unturned,
+            "held": [*self.held],
+            "frozen": [*self.frozen],
+            "pushes": [
+                [number, *(units.si(each, mass=1, length=1, time=-2) for each in force)]
+                for number, force in self.pushes.items()
+            ],
+            "walls": [
+                {"axis": wall.axis, "side": wall.side, "place": units.si(wall.place, length=1), **wall.law.in_si(units)}
+                for wall in self.walls
+            ],
+            "motions": [
+                {
+                    "spheres": [*each.spheres],
+                    "velocity": [units.si(way, length=1, time=-1) for way in each.velocity],
+                    "amplitude": [units.si(way, length=1) for way in each.amplitude],
+                    "period": units.si(each.period, time=1),
+                    "begin": each.begin,
+                }
+                for each in self.motions
+            ],
+            "rotation": self.rotation,
+            "discs": self.discs,
+            "others": [*self.others],
+        }
+
+
+def outside_of(reading: Reading) -> Outside:
+    """Return what acts on the spheres of a deck while it writes its first dump."""
+    recorded, spheres = reading.recorded, reading.spheres
+    if recorded is None or spheres is None:
+        return Outside()
+    found = _Found(reading, recorded)
+    for fix in recorded.stage.fixes:
+        found.take(fix)
+    free = found.moves & ~found.held
+    turning = [fix for fix in recorded.stage.fixes if fix.words[3] in ("nve", "nve/sphere")]
+    some = free.any() and found.turns[free].any()
+    discs = found.discs[free].any()
+    if some and (not found.turns[free].all() or (discs and not found.discs[free].all())):
+        found.others += map(str, turning)
+    return Outside(
+        begin=recorded.begin,
+        history=recorded.history,
+        forgotten=_forgotten(reading, recorded),
+        unturned=recorded.unturned,
+        frozen=tuple(np.sort(spheres.id[found.frozen]).tolist()),
+        held=tuple(np.sort(spheres.id[~free & ~found.moved]).tolist()),
+        pushes={
+            int(spheres.id[n]): tuple(found.pushes[n].tolist()) for n in np.flatnonzero(free & found.pushes.any(axis=1))
+        },
+        walls=tuple(found.walls),
+        motions=tuple(found.motions),
+        rotation=bool(some) or not free.any(),
+        discs=bool(discs),
+        others=tuple(dict.fromkeys((*found.others, *_later(reading, recorded)))),
+    )
+
+
+class _Found:
+    """What the fixes of a run do, collected one after the other; arrays are of the spheres of the reading."""
+
+    def __init__(self, reading: Reading, recorded: Recorded) -> None:
+        assert reading.spheres is not None
+        self.reading, self.recorded, self.spheres = reading, recorded, reading.spheres
+        count = len(self.spheres.id)
+        self.moves, self.turns, self.discs, self.held, self.frozen, self.moved = np.zeros((6, count), dtype=bool)
+        self.pushes = np.zeros((count, 3))
+        self.walls: list[Wall] = []
+        self.motions: list[Motion] = []
+        self.others: list[str] = []
+
+    def take(self, fix: Command) -> None:
+        """Add what a fix does."""
+        style, words = fix.words[3], fix.words[4:]
+        members = np.isin(self.spheres.id, self.recorded.members[fix])
+        if style in ("nve", "nve/sphere"):
+            self.moves |= members
+            self.turns |= members & (style == "nve/sphere")
+            self.discs |= members & ("disc" in words)
+        elif style in ("freeze", "nve/noforce"):
+            self.held |= members
+            self.frozen |= members & (style == "freeze")
+        elif style == "setforce" and _zeros(words) is not None:
+            self._stop(fix, members)
+        elif style == "move" and self._moves(fix, members):
+            self.moved |= members
+        elif style in ("addforce", "gravity") and (force := self._force(style, words)) is not None:
+            self.pushes[members] += force[members]
+        elif style == "wall/gran" and (walls := self._walls(fix, members)):
+            self.walls += walls
+        elif not style.startswith(_HARMLESS):
+            self.others.append(str(fix))
+
+    def _stop(self, fix: Command, members: NDArray[np.bool_]) -> None:
+        """Add ``setforce``: of no force at all, or of none along axes across which the crystal is symmetric."""
+        stopped = _zeros(fix.words[4:])
+        assert stopped is not None
+        places, speeds = self.spheres.position, self.spheres.velocity
+        flat = (np.ptp(places, axis=0) < _FLAT * self.spheres.radius.max()) & ~speeds.any(axis=0)
+        if stopped.all():
+            self.held |= members
+        elif not flat[stopped].all():
+            self.others.append(str(fix))
+
+    def _moves(self, fix: Command, members: NDArray[np.bool_]) -> bool:
+        """Add a straight motion, or one to and fro, whose time counts from the making of the fix.
+
+        Return whether it is known.
+        """
+        kind, numbers, begin = fix.words[4], _numbers(fix.words[5:]), self.recorded.begin
+        if numbers is None or len(numbers) != {"linear": 3, "wiggle": 4}.get(kind) or begin is None:
+            return False
+        if self._ran_since(fix):
+            return False
+        way, none = (numbers[0], numbers[1], numbers[2]), (0.0, 0.0, 0.0)
+        spheres = tuple(np.sort(self.spheres.id[members]).tolist())
+        parts = (way, none, 1.0) if kind == "linear" else (none, way, numbers[3])
+        self.motions.append(Motion(spheres, *parts, begin))
+        return True
+
+    def _ran_since(self, fix: Command) -> bool:
+        """Return whether steps were taken between a fix and the run that writes the dump."""
+        runs = [stage.command for stage in self.reading.stages if stage.steps != 0]
+        for command in self.reading.commands[_place(self.reading, fix) :]:
+            if command is self.recorded.stage.command:
+                break
+            if any(command is run for run in runs):
+                return True
+        return False
+
+    def _force(self, style: str, words: tuple[str, ...]) -> NDArray[np.float64] | None:
+        """Return constant forces on all spheres, (N, 3), or None if they are not known."""
+        if style == "addforce":
+            numbers = _numbers(words)
+            return None if numbers is None or len(numbers) != 3 else np.tile(numbers, (len(self.spheres.id), 1))
+        kind, *rest = words[1:] or ("",)
+        numbers, size = _numbers(tuple(rest)), _numbers(words[:1])
+        if numbers is None or size is None or len(numbers) != {"vector": 3, "chute": 1, "spherical": 2}.get(kind):
+            return None
+        way = np.array(numbers)
+        if kind != "vector":
+            slope, around = (radians(each) for each in (numbers[-1], numbers[0] if kind == "spherical" else 0.0))
+            down = cos(slope) if kind == "spherical" else -cos(slope)
+            way = np.array([sin(slope) * cos(around), sin(slope) * sin(around), down])
+            if self.reading.dimension == 2:
+                way = np.array([sin(slope), down, 0.0])
+        return np.outer(self.spheres.mass, size[0] * way / np.linalg.norm(way))
+
+    def _walls(self, fix: Command, members: NDArray[np.bool_]) -> list[Wall]:
+        """Return the planes of ``fix wall/gran granular`` with all spheres; none if it is another wall."""
+        words = fix.words
+        place = next((n for n, word in enumerate(words) if word in ("xplane", "yplane", "zplane")), len(words))
+        ends, law = words[place + 1 : place + 3], granular(fix, words[5:]) if words[4] == "granular" else None
+        if law is None or len(ends) < 2 or {*words[place + 3 :]} - {"contacts"} or not members.all():
+            return []
+        return [
+            Wall("xyz".index(words[place][0]), side, float(end), law)
+            for side, end in zip((-1, 1), ends, strict=True)
+            if end != "NULL"
+        ]
+
+
+def _place(reading: Reading, command: Command) -> int:
+    """Return the place of a command in the order of execution; in a loop a line comes several times."""
+    return next(n for n, each in enumerate(reading.commands) if each is command)
+
+
+def _numbers(words: tuple[str, ...]) -> list[float] | None:
+    """Return words as numbers; None if one is no number, as a variable."""
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        return None
+
+
+def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:
+    """Return the axes along which ``setforce`` leaves no force; None if it does something else."""
+    numbers = _numbers(tuple("nan" if word == "NULL" else word for word in words))
+    if numbers is None or len(numbers) != 3 or np.any(np.nan_to_num(numbers)):
+        return None
+    return ~np.isnan(numbers)
+
+
+def _later(reading: Reading, recorded: Recorded) -> Iterator[str]:
+    """Yield commands between the runs that write the dump, after which spheres no longer do what they did."""
+    commands = reading.commands
+    runs = [n for n, each in enumerate(commands) if any(each is stage.command for stage in reading.stages)]
+    for command in commands[_place(reading, recorded.stage.command) + 1 : runs[-1]]:
+        if command.name in ("undump", "clear"):
+            return
+        fixes = [each for each in commands if each.name == "fix" and each.words[1:2] == command.words[1:2]]
+        fix = fixes[-1] if command.name == "unfix" else command
+        acts = fix.name == "fix" and not fix.words[3].startswith(_HARMLESS)
+        if command.name in _CHANGING or acts:
+            yield str(command)
+
+
+def _forgotten(reading: Reading, recorded: Recorded) -> int | None:
+    """Return the step at which the deck takes up an earlier run from a data file."""
+    return recorded.begin if reading.data_steps and not recorded.history else None

@@ -1,0 +1,458 @@
+"""The scene that describes the crystal of a foreign deck: its lattice, spheres, contact law, faces and beginning.
+
+Whatever a scene cannot say is refused by name. What is found is not trusted: LAMMPS reads the deck that the package
+builds of the scene, and `granular_lmp.foreign.likeness` compares it with the foreign one, sphere by sphere and contact
+by contact.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.lattice import CHAIN
+from granular_lmp.crystal.lattices import FREE, HELD, PERIODIC, WALL
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.sphere_table import SITE, SphereTable
+from granular_lmp.errors import GranularError, SceneError
+from granular_lmp.foreign.adopt_dump import Known
+from granular_lmp.foreign.begun import Motion, begins
+from granular_lmp.foreign.indexing import Indexed, index, neighbours
+from granular_lmp.foreign.laws import Law
+from granular_lmp.foreign.likeness import Likeness, likeness
+from granular_lmp.foreign.outside import Outside
+from granular_lmp.foreign.reading import Reading, Recorded, Spheres, Stage
+from granular_lmp.frozen import dataclass
+from granular_lmp.rest.scene import Scene
+from granular_lmp.units import STYLES, Units
+
+Floats = NDArray[np.float64]
+
+# Commands that say what was read of the deck, or do nothing with the spheres
+_READ = (
+    *("atom_modify", "atom_style", "boundary", "change_box", "comm_modify", "comm_style", "compute", "create_atoms"),
+    *("create_box", "delete_atoms", "dimension", "displace_atoms", "fix", "group", "lattice", "mass", "neigh_modify"),
+    *("neighbor", "newton", "package", "pair_coeff", "pair_style", "processors", "read_data", "region", "replicate"),
+    *("reset_atoms", "reset_timestep", "run", "set", "suffix", "timestep", "uncompute", "unfix", "units", "variable"),
+    *("velocity", "clear", "include", "jump", "label", "next", "if", "quit", "print", "log", "echo", "info", "restart"),
+    *("timer", "dump", "dump_modify", "undump", "thermo", "thermo_style", "thermo_modify", "balance", "compute_modify"),
+    *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
+)
+_SHEARED = {"mindlin": "secant", "mindlin/force": "incremental", "mindlin_rescale": "rescaled"}
+_MATERIAL = ("hertz/material", "dmt", "jkr")
+_PARTS = ("tangential", "damping", "rolling", "twisting", "none")  # words of a law, beside its numbers
+_TOUCHING = 1e-9  # of a radius: overlaps and gaps below are the rounding of places
+_UNLOADED = 1e-6  # of the pull-off force: less load is the rounding of places
+_LEAST_STRAIN = 1e-7
+_STRAIN = 0.05  # of the static compression: more strain of the whole crystal makes its contacts unlike
+_ALIKE = 1e-9  # relative difference of radii, densities and constants that are the same
+_MOST_WAYS = 4  # in which a crystal lies in its lattice, each tried as a scene
+
+
+@dataclass(frozen=True)
+class Described:
+    """A scene and what is known of its likeness.
+
+    Attributes
+    ----------
+    scene : Scene
+    indexed : Indexed
+        Place of each sphere of the deck.
+    likeness : Likeness
+        Differences of the two decks.
+    unsaid : tuple of str
+        Keys of the deck that a scene leaves out because they change nothing, each a sentence.
+    """
+
+    scene: Scene
+    indexed: Indexed
+    likeness: Likeness
+    unsaid: tuple[str, ...]
+
+
+def scene_of(reading: Reading, known: Known, name: str, sample: float) -> Described:
+    """Return the scene of a foreign deck.
+
+    Parameters
+    ----------
+    reading : Reading
+    known : Known
+        Knowledge of the deck beside it.
+    name : str
+        Name of the scene.
+    sample : float
+        Time between two records, s; 0 if there is one record alone.
+
+    Raises
+    ------
+    SceneError
+        If no scene describes the crystal; the text says why.
+    """
+    spheres, units = _whole(reading, known.outside), STYLES[reading.units]
+    law = _one_law(reading, spheres)
+    si = _in_si(spheres, units)
+    cell = np.diag(units.si(np.subtract(reading.high, reading.low), length=1))
+    radius, apart = _most(si.radius), neighbours(si.position)
+    strain = max(_STRAIN * (1 - apart / (2 * radius)), _LEAST_STRAIN)
+    troubles = []
+    for number, indexed in enumerate(index(si.position, cell, np.array(reading.periodic), strain)):
+        if number == _MOST_WAYS:
+            break
+        try:
+            return _described(reading, known, si, law, indexed, name, sample)
+        except GranularError as error:
+            troubles.append(str(error))
+    raise SceneError(troubles[0])
+
+
+def _described(
+    reading: Reading, known: Known, spheres: Spheres, law: Law, indexed: Indexed, name: str, sample: float
+) -> Described:
+    """Return the scene of spheres in SI units whose places in a lattice are known."""
+    units, unsaid = STYLES[reading.units], list[str]()
+    motion = Motion.of(spheres, indexed)
+    if indexed.lattice.sheet is False and law.friction:
+        unsaid.append(f"friction {law.friction:g}: nothing is sheared in a chain")
+    if reading.dimension == 3 and not indexed.lattice.solid:
+        unsaid.append("dimension 3: spheres of the scene move in a plane, from which no force of the deck drives them")
+    step = float(units.si(_start_of(reading).timestep, time=1))
+    steps = sum(stage.steps or 0 for stage in reading.stages)
+    times = (step, sample or step, step * steps)
+    failed: GranularError | None = None
+    periodic = (np.abs(indexed.turn) @ np.array(reading.periodic) > 0).tolist()
+    for sphere, load, touching in _spheres(spheres, law, indexed, units, periodic=periodic[1]):
+        packing = _packing(spheres, indexed, reading, load, _walls(known.outside, indexed))
+        _refuse_pushes(known.outside, indexed, packing)
+        tables: dict[str, Any] = {"sphere": _given(sphere), "packing": packing}
+        tables |= _differing(spheres, indexed, sphere)
+        if touching and sphere.work_of_adhesion:
+            tables["start"] = {"touching": True}
+        effects = partial(_effects, law, spheres, known.outside, units, indexed)
+        try:
+            for more in begins(tables, motion, effects, times):
+                scene = Scene.from_dict(more, name)
+                try:
+                    like = likeness(reading, spheres, scene, indexed, known.outside)
+                    return Described(scene, indexed, like, tuple(unsaid))
+                except GranularError as error:
+                    failed = error
+        except GranularError as error:
+            failed = error
+    raise failed or SceneError("nothing moves at the beginning of its first long run, and a scene says what moves")
+
+
+# --- what is refused before a lattice is sought -----------------------------------------------------------------------
+
+
+def _start_of(reading: Reading) -> Stage:
+    assert reading.start is not None  # `_whole` asks for it
+    return reading.start
+
+
+def _whole(reading: Reading, outside: Outside) -> Spheres:
+    """Return the spheres of a deck; refuse what acts on them beside the contacts and is no key of a scene."""
+    start, spheres, recorded = reading.start, reading.spheres, reading.recorded
+    if start is None or spheres is None or reading.pairs is None or recorded is None:
+        raise SceneError("the deck has no spheres at the beginning of its first long run")
+    if not start.exact or outside.history or recorded.stage is not start:
+        raise SceneError("a run or a minimization comes before the one that is recorded, and is not executed here")
+    if reading.units not in STYLES or reading.units == "lj":
+        raise SceneError(f"units {reading.units}: a scene is in SI units")
+    for command in reading.commands:
+        if command.name not in _READ or (command.name == "neigh_modify" and "exclude" in command.words):
+            raise SceneError(f"'{command}': no key of a scene says what it does")
+    _refuse_twice(recorded)
+    resets = [str(fix) for fix in start.fixes if fix.words[3].startswith("dt/reset")]
+    for said in (*outside.others, *resets):
+        raise SceneError(f"'{said}': no key of a scene says what it does")
+    if outside.motions:
+        raise SceneError(f"a fix moves sphere {outside.motions[0].spheres[0]}; say it by a [[source]]")
+    if outside.discs:
+        raise SceneError("discs: the spheres of a scene have the moment of inertia of spheres")
+    moves = ~np.isin(spheres.id, outside.held)
+    if spheres.velocity[~moves].any() or spheres.spin[~moves].any():
+        raise SceneError("spheres that no force moves have velocities")
+    return replace(spheres, moves=moves, turns=moves & outside.rotation)
+
+
+def _refuse_twice(recorded: Recorded) -> None:
+    """Refuse spheres that two fixes integrate, and which move twice as fast as they should."""
+    members = [ids for fix, ids in recorded.members.items() if fix.words[3] in ("nve", "nve/sphere")]
+    numbers, counts = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *members]), return_counts=True)
+    if counts.max(initial=1) > 1:
+        raise SceneError(f"sphere {numbers[counts > 1][0]}: two fixes integrate its motion")
+
+
+def _in_si(spheres: Spheres, units: Units) -> Spheres:
+    return replace(
+        spheres,
+        radius=units.si(spheres.radius, length=1),
+        mass=units.si(spheres.mass, mass=1),
+        position=units.si(spheres.position, length=1),
+        velocity=units.si(spheres.velocity, length=1, time=-1),
+        spin=units.si(spheres.spin, time=-1),
+        force=units.si(spheres.force, mass=1, length=1, time=-2),
+        torque=units.si(spheres.torque, mass=1, length=2, time=-2),
+    )
+
+
+def _one_law(reading: Reading, spheres: Spheres) -> Law:
+    """Return the law of all contacts; refuse several, and what of it no scene says."""
+    present = set(np.unique(spheres.type).tolist())
+    laws = {types: law for types, law in reading.laws.items() if {*types} <= present}
+    if not laws:
+        raise SceneError("the contact law is none of pair_style granular with hertz/material, dmt or jkr")
+    plain = {types: replace(law, command=_start_of(reading).command) for types, law in laws.items()}
+    (first, law), *others = plain.items()
+    for types, other in others:
+        if other != law:
+            raise SceneError(
+                f"contacts of types {first[0]} {first[1]} and {types[0]} {types[1]} have other laws, and a scene of "
+                "one material has one; say other materials by an [[inclusion]]"
+            )
+    law = laws[first]
+    words = law.command.words
+    for part in ("rolling", "twisting"):
+        if part in words and words[words.index(part) + 1] != "none":
+            raise SceneError(f"'{law.command}': {part} of a foreign deck is not read")
+    named = [word for word in words[4:] if not _is_number(word) and word != "NULL"]
+    said = {*_PARTS, *_SHEARED, "linear_nohistory", "velocity", "coeff_restitution", "viscoelastic", "mass_velocity"}
+    if law.normal not in _MATERIAL or (left := [word for word in named if word not in {*said, *_MATERIAL, "tsuji"}]):
+        wrong = law.normal if law.normal not in _MATERIAL else left[0]
+        raise SceneError(f"'{law.command}': no key of a scene says {wrong}")
+    if law.mixed and law.shear_share != 1 and law.has_history and law.friction:
+        raise SceneError(
+            "LAMMPS mixes the shear modulus of two types in its own way, and a scene has that of contact mechanics"
+        )
+    if law.damping and law.damping_law not in ("velocity", "coeff_restitution"):
+        raise SceneError(f"damping {law.damping_law}: a scene has damping velocity and coeff_restitution")
+    if not (law.has_history or law.tangential in ("none", "linear_nohistory")):
+        raise SceneError(f"tangential {law.tangential}: no key of a scene says it")
+    if law.tangential == "linear_nohistory" and law.shear_damping and law.friction:
+        raise SceneError("tangential linear_nohistory: no key of a scene says its damping")
+    if law.has_history and law.tangential not in _SHEARED:
+        raise SceneError(f"tangential {law.tangential}: a scene has {', '.join(_SHEARED)}")
+    return law
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+# --- the tables of a scene --------------------------------------------------------------------------------------------
+
+
+def _most(values: Floats) -> float:
+    """Return the value of most spheres, or the mean where no half of them have one."""
+    _, first, counts = np.unique(np.round(values / values.max(), 9), return_index=True, return_counts=True)
+    most = int(np.argmax(counts))
+    return float(values[first[most]]) if 2 * counts[most] >= len(values) else float(values.mean())
+
+
+def _spheres(
+    spheres: Spheres, law: Law, indexed: Indexed, units: Units, *, periodic: bool
+) -> Iterator[tuple[Sphere, dict[str, Any], bool]]:
+    """Yield the sphere of the lattice, the keys of its load at rest, and whether contacts just touch.
+
+    Unequal spheres under adhesion alone rest in a box that has taken its size; others in a box that keeps it.
+    """
+    sphere = _sphere(spheres, law, indexed, units)
+    overlap, unequal = 2 * sphere.radius - indexed.touching, bool(np.ptp(spheres.radius) > _ALIKE * sphere.radius)
+    if indexed.lattice == CHAIN and not periodic:  # spheres may differ, and lie side by side
+        order = np.argsort(indexed.row)
+        along, own = (spheres.position @ indexed.turn.T)[order, 1], spheres.radius[order]
+        overlap = float(np.mean(own[1:] + own[:-1] - np.diff(along)))
+    if abs(overlap) < _TOUCHING * sphere.radius or (unequal and overlap > 0 and not sphere.work_of_adhesion):
+        yield sphere, {}, True
+    if abs(overlap) < _TOUCHING * sphere.radius:
+        return
+    if overlap < 0 and law.normal != "jkr":
+        raise SceneError(
+            f"neighbours are {-overlap:.3g} m apart, {-overlap / sphere.radius:.2g} of a radius; those of a scene touch"
+        )
+    force = _rounded(float(sphere.contact_law.force(overlap)), 9)
+    if sphere.work_of_adhesion and (unequal or abs(force) < _UNLOADED * sphere.pull_off_force):
+        yield sphere, {}, False
+    if abs(force) < _UNLOADED * sphere.pull_off_force:
+        return
+    if force > 0:
+        yield sphere, {"contact_force": force} | ({"relax": "fixed"} if unequal else {}), False
+    elif not unequal:
+        raise SceneError(
+            f"neighbours overlap by {overlap:.6g} m, and pull at each other with {-force:.3g} N; those of a scene are "
+            f"at rest, {sphere.static_overlap:.6g} m deep, or pressed together"
+        )
+
+
+def _sphere(spheres: Spheres, law: Law, indexed: Indexed, units: Units) -> Sphere:
+    """Return the sphere of the lattice, without a load."""
+    radius = _most(spheres.radius)
+    if indexed.lattice != CHAIN:  # unequal spheres of a sheet lie in places of the largest
+        loose = abs(2 * float(spheres.radius.max()) / indexed.touching - 1) < _TOUCHING
+        radius = float(spheres.radius.max()) if loose else radius
+    density = _rounded(_most(spheres.mass / (4 / 3 * np.pi * spheres.radius**3)))
+    if law.normal == "jkr" and not law.gamma:
+        raise SceneError("jkr without a surface energy: take hertz/material")
+    return Sphere(
+        radius,
+        _rounded(float(units.si(law.young, mass=1, length=-1, time=-2))),
+        law.poisson,
+        _rounded(2 * float(units.si(law.gamma, mass=1, time=-2))),
+        density,
+        adhesion_law="jkr" if law.normal == "jkr" else "dmt",
+    )
+
+
+def _rounded(value: float, digits: int = 13) -> float:
+    """Return a number with the digits that units and places leave of it."""
+    return float(f"{value:.{digits}g}")
+
+
+def _given(sphere: Sphere) -> dict[str, Any]:
+    table: dict[str, Any] = {"radius": sphere.radius, "youngs_modulus": sphere.youngs_modulus}
+    table |= {"poisson_ratio": sphere.poisson_ratio, "density": sphere.density}
+    if sphere.work_of_adhesion:
+        table["work_of_adhesion"] = sphere.work_of_adhesion
+    if sphere.adhesion_law != Sphere.adhesion_law:
+        table["adhesion_law"] = sphere.adhesion_law
+    return table
+
+
+def _walls(outside: Outside, indexed: Indexed) -> list[str]:
+    """Return the faces of a crystal at which planes stand; their places and laws are compared later."""
+    names = {(1, -1): "first", (1, 1): "last", (0, -1): "sides", (0, 1): "sides"}
+    found = []
+    for wall in outside.walls:
+        way = indexed.turn[:, wall.axis] * wall.side
+        axis = int(np.argmax(np.abs(way)))
+        face = names.get((axis, int(way[axis])))
+        if face is None:
+            raise SceneError("a plane stands beside the layers of the crystal; say it by a [substrate]")
+        found.append(face)
+    if found.count("sides") == 1:
+        raise SceneError("a plane stands at one side of the crystal; a scene has walls at both sides or none")
+    return found
+
+
+def _packing(
+    spheres: Spheres, indexed: Indexed, reading: Reading, load: Mapping[str, Any], walls: Sequence[str]
+) -> dict[str, Any]:
+    """Return the table ``[packing]``: size and faces, which hold just the spheres that no fix moves."""
+    lattice, (rows, columns, layers) = indexed.lattice, indexed.shape
+    name, _, orientation = lattice.name.partition(" ")
+    periodic = np.abs(indexed.turn) @ np.array(reading.periodic) > 0
+    table: dict[str, Any] = {"lattice": name, "rows": rows, "columns": columns}
+    table |= {"ends": "periodic" if periodic[1] else "fixed"}
+    held = ~spheres.moves
+    expected = np.zeros(len(held), dtype=bool)
+    faces = [] if periodic[1] else [("first", indexed.row == 0), ("last", indexed.row == rows - 1)]
+    if lattice.sheet:
+        table["sides"] = PERIODIC
+        if not periodic[0]:
+            faces.append(("sides", (indexed.column == 0) | (indexed.column == columns - 1)))
+    for face, there in faces:
+        table[face] = HELD if held[there].all() else WALL if face in walls else FREE
+        expected |= there & (table[face] == HELD)
+    if not np.array_equal(held, expected):
+        odd = int(spheres.id[held != expected][0])
+        raise SceneError(
+            f"sphere {odd} {'is held' if held[held != expected][0] else 'moves'}: a scene holds whole faces, the first "
+            "and the last row, and the first and the last column"
+        )
+    if lattice.solid:
+        table |= {"orientation": orientation, "layers": layers, "depth": PERIODIC if periodic[2] else FREE}
+    return {**table, **load}
+
+
+def _refuse_pushes(outside: Outside, indexed: Indexed, packing: Mapping[str, Any]) -> None:
+    """Refuse constant forces but those that press the free ends of a chain; their size is compared later."""
+    numbers, rows = [*outside.pushes], indexed.shape[0]
+    if not numbers:
+        return
+    ends = [face for face in ("first", "last") if packing.get(face) == FREE]
+    if indexed.lattice != CHAIN or not packing.get("contact_force") or len(numbers) > len(ends):
+        raise SceneError(
+            f"a constant force acts on sphere {numbers[0]}; a scene has such forces on the free ends of a chain that "
+            f"is pressed together, of {rows} rows here, and no others"
+        )
+
+
+def _differing(spheres: Spheres, indexed: Indexed, sphere: Sphere) -> dict[str, Any]:
+    """Return the tables of spheres that differ from those of the lattice, and of empty places."""
+    tables: dict[str, Any] = {}
+    layers = indexed.shape[2]
+    if len(indexed.empty):
+        by_layer = [indexed.empty[indexed.empty[:, 2] == layer, :2].tolist() for layer in range(layers)]
+        tables["inclusion"] = [
+            {"spheres": each, "vacancy": True} | ({"layers": [layer, layer]} if layers > 1 else {})
+            for layer, each in enumerate(by_layer)
+            if each
+        ]
+    density = spheres.mass / (4 / 3 * np.pi * spheres.radius**3)
+    own = {"density": (density, sphere.density), "radius": (spheres.radius, sphere.radius)}
+    other = {name: np.abs(values / usual - 1) > _ALIKE for name, (values, usual) in own.items()}
+    some = np.logical_or.reduce([*other.values()])
+    if some.any():
+        site = indexed.sites
+        order = np.argsort(site[some])
+        columns_of = {name: values[some][order] for name, (values, _) in own.items() if other[name].any()}
+        tables["table"] = SphereTable.of({SITE: site[some][order].astype(float), **columns_of})
+    return tables
+
+
+def _effects(
+    law: Law, spheres: Spheres, outside: Outside, units: Units, indexed: Indexed, *, held: bool
+) -> dict[str, Any]:
+    """Return the table ``[effects]`` of a law, and ``[contact]`` for a shear stiffness that was measured."""
+    turns = bool(spheres.turns.any())
+    sheared = law.has_history and law.friction > 0
+    effects: dict[str, Any] = {}
+    if sheared and (held or indexed.lattice.sheet):
+        effects["friction"] = law.friction
+        effects["shear_law"] = _SHEARED[law.tangential]
+        effects["rotation"] = turns
+    if held:
+        effects["shear"] = sheared
+        if not sheared:
+            effects.pop("rotation", None)
+    if law.damping and law.damping_law == "velocity":
+        effects["viscosity"] = float(units.si(law.damping, mass=1, time=-1))
+    if law.damping_law == "coeff_restitution":
+        effects["restitution"] = law.damping
+    if law.damping_law == "coeff_restitution" and len(outside.frozen) < np.count_nonzero(~spheres.moves):
+        raise SceneError("held spheres are not frozen (fix freeze), so that dashpots take them for light ones")
+    if (law.damping or law.damping_law == "coeff_restitution") and sheared:
+        if held and law.shear_damping != 1:
+            raise SceneError(f"tangential damping {law.shear_damping:g}: must be 1 in a crystal that is held at rest")
+        if not held:
+            effects["shear_damping"] = law.shear_damping
+    if held and law.damping:
+        effects["damping"] = True
+    return effects
+
+
+def lines(described: Described, path: Any) -> Sequence[str]:
+    """Return what there is to say of a scene that was found, line by line."""
+    scene, indexed, found = described.scene, described.indexed, described.likeness
+    axes = [_axis(indexed.turn[axis]) for axis in range(3)]
+    said = [f"{path}: {scene.words if scene.wave is None else scene.label}"]
+    if axes != ["x", "y", "z"]:
+        said.append(f"axes x, y, z of the scene are {', '.join(axes)} of the deck")
+    said += found.lines
+    if len(indexed.empty):
+        said.append(f"vacancies: {len(indexed.empty)}, an [[inclusion]]")
+    if scene.packing.table:
+        said.append(f"{scene.packing.table}: densities or radii of single spheres")
+    return [*said, *(f"not said: {each}" for each in described.unsaid)]
+
+
+def _axis(row: Floats) -> str:
+    axis = int(np.argmax(np.abs(row)))
+    return ("-" if row[axis] < 0 else "") + "xyz"[axis]
