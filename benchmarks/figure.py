@@ -4,20 +4,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
+from matplotlib import rc_context
 from matplotlib.figure import Figure
+
+from granular_lmp.cli.entry import STYLE
 
 # Lines of one kind of code have one colour; what is dashed gives the bound that no general code reaches
 STYLES = {
-    "LAMMPS, one step": ("tab:blue", "o", "-"),
-    "LAMMPS, to a tolerance": ("tab:blue", "s", "-"),
-    "LAMMPS, one step, kernel": ("tab:orange", "o", "-"),
-    "LAMMPS, to a tolerance, kernel": ("tab:orange", "s", "-"),
+    "LAMMPS, one step": ("C0", "o", "-"),
+    "LAMMPS, to a tolerance": ("C0", "s", "-"),
+    "LAMMPS, one step, kernel": ("C1", "o", "-"),
+    "LAMMPS, to a tolerance, kernel": ("C1", "s", "-"),
     "contact list in C": ("tab:grey", "o", "--"),
     "contact list in C, pairs of steps": ("tab:grey", "s", "--"),
-    "the row equations, scipy": ("tab:green", "v", "-"),
-    "the exact lattice, scipy": ("tab:green", "^", "-"),
+    "the row equations, scipy": ("C2", "v", "-"),
+    "the exact lattice, scipy": ("C2", "^", "-"),
 }
-OTHERS = ("tab:red", "X", "none")
+OTHERS = ("C3", "X", "none")
 
 
 @dataclass(frozen=True)
@@ -29,9 +32,10 @@ class Point:
     errors: tuple[float, float]
 
 
+@rc_context(fname=STYLE)
 def draw(points: Sequence[Point], path: str) -> None:
     """Draw the errors of p and q over processor seconds: median, with a bar from the fastest to the slowest round."""
-    figure = Figure(figsize=(9.0, 5.6), layout="constrained")
+    figure = Figure(figsize=(6.3, 4.8), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for component, (ax, name) in enumerate(zip(axes, ("p, second harmonic", "q, fundamental"), strict=True)):
         for series in dict.fromkeys(point.series for point in points):
@@ -54,10 +58,10 @@ def draw(points: Sequence[Point], path: str) -> None:
                 elinewidth=0.8,
                 label=series,
             )
-        ax.set(xscale="log", yscale="log", xlabel="processor time, s", title=name)
+        ax.set(xscale="log", yscale="log", xlabel="processor time (s)", title=name)
         ax.margins(0.08)
         ax.grid(which="major", linewidth=0.4, alpha=0.6)
     axes[0].set_ylabel("relative error, τ ≤ 120")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
-    figure.savefig(path, dpi=150)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    figure.savefig(path, dpi=200)

@@ -21,6 +21,8 @@ os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
 os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "100")
 # JAX compiles for tests in a third of the time; they run for milliseconds
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+# Figures have the style of the commands
+os.environ["MATPLOTLIBRC"] = str(Path(__file__).parents[1] / "granular_lmp/plot/matplotlibrc")
 # Tests and the package are compiled once, whatever the environment says: not by each process that a test starts
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False

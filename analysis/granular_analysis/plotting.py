@@ -15,8 +15,18 @@ if TYPE_CHECKING:  # slow to import, and some scripts do not draw
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SILICA = 0.17  # Poisson's ratio of the spheres in the paper
-COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
+SILICA = 0.17  # Poisson's ratio of the paper's spheres
+COLOURS = {"L": "black", "TR": "C0", "RT": "C3"}
+
+
+def page(height: float) -> "Figure":
+    """Return a figure that is as wide as a page, 6.3 inches.
+
+    The commands draw with ``granular_lmp/plot/matplotlibrc``, whose letters have at least 8 points.
+    """
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(6.3, height), layout="constrained")
 
 
 def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
@@ -54,7 +64,7 @@ def save(figure: "Figure", path: str | Path) -> None:
         raise SystemExit(f"{path}: must end in one of {', '.join(sorted(known))}")
     with _whole(path) as draft:
         try:
-            figure.savefig(draft, dpi=150)
+            figure.savefig(draft, dpi=200)
         except RuntimeError as error:
             raise SystemExit(f"{path}: cannot be drawn: {' '.join(str(error).split())}") from error
 
@@ -62,7 +72,14 @@ def save(figure: "Figure", path: str | Path) -> None:
 def letter(panels: Iterable["Axes"]) -> None:
     """Write (a), (b), (c) and so on at the upper left of the panels, in order."""
     for each, axes in zip("abcdefgh", panels, strict=False):
-        axes.set_title(f"({each})", loc="left", fontsize="medium")
+        axes.set_title(f"({each})", loc="left")
+
+
+def legend_above(axes: "Axes", columns: int = 1) -> None:
+    """Put the legend of a panel between the panel and its title at the left, where it covers no data."""
+    legend = axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.0)
+    lines = -(-len(legend.get_texts()) // columns)
+    axes.set_title(axes.get_title("left"), loc="left", pad=10 + 12 * lines)
 
 
 def write(path: Path, text: str) -> None:

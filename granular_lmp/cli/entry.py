@@ -12,11 +12,13 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 from granular_lmp.cli.output import notes_of_log, remark, say_profile
 from granular_lmp.errors import GranularError, RunFolderError
 from granular_lmp.runs.phases import collected
 
+STYLE = str(Path(__file__).parents[1] / "plot" / "matplotlibrc")
 _STDERR = 2  # its descriptor
 
 
@@ -67,7 +69,7 @@ def ended(name: str, command: Callable[[], int | None]) -> int:
     os.environ["MPLBACKEND"] = (
         "agg"  # pictures go to files; an unknown backend would make the import of matplotlib fail
     )
-    os.environ["MATPLOTLIBRC"] = os.devnull  # a figure is the same for every user, whose own settings may need LaTeX
+    os.environ["MATPLOTLIBRC"] = STYLE  # a figure is the same for every user, whose own settings may need LaTeX
     try:
         status = command() or 0
         sys.stdout.flush()  # printed text may still be in a buffer while the disk is full

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import packed
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import ViewError
-from granular_lmp.plot.signals import Picture
+from granular_lmp.plot.signals import PAGE, Picture, named
 from granular_lmp.rest.at_rest import CrystalAtRest
 from granular_lmp.rest.face import Rest
 from granular_lmp.rest.kinds import rest_of
@@ -38,7 +38,7 @@ def at_rest_figure(scene: Scene) -> Picture:
     crystal = rest.crystal
     if len(crystal.atoms) > MOST_DRAWN:
         raise ViewError(f"{scene.name}: has {len(crystal.atoms)} spheres; at most {MOST_DRAWN} are drawn")
-    figure = Picture(figsize=(8.0, 6.0), layout="constrained")
+    figure = Picture(figsize=(PAGE, 4.7), layout="constrained")
     axes = figure.subplots()
     position, radius = crystal.atoms.positions[:, :2], crystal.atoms.arrays["radius"]
     values, label = _values(rest)
@@ -74,8 +74,7 @@ def at_rest_figure(scene: Scene) -> Picture:
     lost = f", {len(i)} missing (dotted)" if len(i) else ""
     each = (2 * len(force) + contacts.on_wall.sum()) / len(position)
     axes.set_title(
-        f"{scene.name.replace('_', ' ')}: {scene.imperfections}\n"
-        f"{len(position)} spheres, {each:.3f} contacts a sphere{lost}",
+        f"{named(scene)}: {scene.imperfections}\n{len(position)} spheres, {each:.3f} contacts a sphere{lost}",
         fontsize="medium",
     )
     return figure

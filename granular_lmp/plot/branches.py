@@ -7,16 +7,16 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.zone import CHARACTERS, Branches
-from granular_lmp.plot.signals import frequency_axis
+from granular_lmp.plot.signals import PAGE, frequency_axis, named
 from granular_lmp.rest.scene import Scene
 
 # Each share of the kinetic energy has a colour; a line is their mixture
-COLOURS = np.array([[0.12, 0.35, 0.80], [0.85, 0.20, 0.15], [0.10, 0.60, 0.25], [0.95, 0.65, 0.05], [0.50, 0.20, 0.60]])
+COLOURS = np.array([[0.00, 0.45, 0.70], [0.84, 0.37, 0.00], [0.00, 0.62, 0.45], [0.90, 0.62, 0.00], [0.80, 0.47, 0.65]])
 
 
 def path_figure(branches: Branches, scene: Scene) -> Figure:
     """Return a figure of all branches along a path, coloured by the shares of their kinetic energy."""
-    figure = Figure(figsize=(6.5, 4.5), layout="constrained")
+    figure = Figure(figsize=(PAGE, 4.4), layout="constrained")
     axes = figure.subplots()
     for branch in range(branches.frequency.shape[1]):
         points = np.column_stack([branches.way, branches.frequency[:, branch]])
@@ -36,17 +36,17 @@ def path_figure(branches: Branches, scene: Scene) -> Figure:
         for name, colour, there in zip(CHARACTERS, COLOURS, present, strict=True)
         if there
     ]
-    axes.legend(handles=handles, title=scene.name, fontsize="small", loc="upper right")
+    axes.legend(handles=handles, title=named(scene), loc="upper right")
     return figure
 
 
 def density_figure(middle: NDArray[np.float64], density: NDArray[np.float64], scene: Scene) -> Figure:
     """Return a figure of the density of states over the frequency."""
-    figure = Figure(figsize=(5.5, 4.0), layout="constrained")
+    figure = Figure(figsize=(PAGE, 4.0), layout="constrained")
     axes = figure.subplots()
     axes.fill_between(middle, density, step="mid", color="0.6")
     hertz = 2 * np.pi * scene.sphere.time_scale
     axes.set(xlabel=r"frequency $\Omega$ (rad per $t_0$)", ylabel=r"share of the modes ($t_0$ per rad)")
-    axes.set(xlim=(0, middle[-1]), title=f"{scene.name}: 1 rad per $t_0$ is {1 / hertz:.4g} Hz")
+    axes.set(xlim=(0, middle[-1]), title=f"{named(scene)}: 1 rad per $t_0$ is {1 / hertz:.4g} Hz")
     axes.set_ylim(bottom=0)
     return figure

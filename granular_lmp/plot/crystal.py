@@ -15,7 +15,7 @@ from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import SIDES, Side, colouring_of, side_of
 from granular_lmp.plot.fronts import Fronts
 from granular_lmp.plot.movie import FRAMES_PER_SECOND, MARK, refuse_movie, write_movie
-from granular_lmp.plot.signals import Picture, clock, draw_signals, signals_to_draw, title
+from granular_lmp.plot.signals import PAGE, Picture, clock, draw_signals, signals_to_draw, title
 from granular_lmp.plot.spheres import SpheresInAxes
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots, Spheres
@@ -151,7 +151,7 @@ class _Scenery:
         if self.fronts:
             self.fronts.show(moment.tau)
         pad = 16 if self.crystal.narrow else None  # above the bar of length
-        self.axes.set_title(clock(moment.tau, self.record.scene), fontsize="small", loc="left", pad=pad)
+        self.axes.set_title(clock(moment.tau, self.record.scene), loc="left", pad=pad)
         for mark, name in zip(self.marks, self.names, strict=True):
             mark.set_data([moment.tau], [np.interp(moment.tau, self.record.tau, self.record.signals[name])])
 
@@ -160,10 +160,10 @@ def _laid_out(snapshots: Snapshots, side: Side, signals: int) -> tuple[Picture, 
     """Return a figure with axes for the crystal, and a panel for each of some signals beside or below them."""
     if not signals:
         width, height = np.ptp(side.flat(snapshots.rest), axis=0) + 2
-        tall = 0.9 + 5.0 * min(max(height / width, 0.3), 1.5)
-        figure = Picture(figsize=(6.0, tall), layout="constrained")
+        tall = 0.9 + 4.6 * min(max(height / width, 0.3), 1.2)
+        figure = Picture(figsize=(PAGE, tall), layout="constrained")
         return figure, figure.subplots(), []
-    figure = Picture(figsize=(8.0, 5.0), layout="constrained")
+    figure = Picture(figsize=(PAGE, 4.3), layout="constrained")
     if side == SIDES["top"]:
         grid = figure.add_gridspec(signals, 2, width_ratios=[1.0, 1.3])
         panels = [figure.add_subplot(grid[place, 1]) for place in range(signals)]

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from granular_lmp.crystal.lattices import HEXAGONAL
 from granular_lmp.crystal.zone import fronts
 from granular_lmp.errors import ViewError
-from granular_lmp.plot.signals import BRANCH_STYLES, LEGEND
+from granular_lmp.plot.signals import BRANCH_STYLES
 from granular_lmp.rest.linear import physics_of, unit_contacts, usual_frequency
 from granular_lmp.runs.snapshots import Snapshots
 
@@ -58,7 +58,9 @@ class Fronts:
                     (line,) = axes.plot([], [], label=label, zorder=4, color="black", linestyle=dashes, linewidth=0.9)
                     self.lines.append((line, start, closed, middle))
         if labelled:
-            axes.legend(loc="upper left", fontsize=LEGEND, framealpha=0.8)
+            figure = axes.get_figure(root=True)
+            assert figure is not None
+            figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right", ncols=3)
 
     def show(self, tau: float) -> None:
         """Move the lines to a time; before the middle of its burst has left there is none."""

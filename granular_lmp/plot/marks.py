@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.disorder import Inclusion, chosen_of
 from granular_lmp.crystal.lattices import packed
 from granular_lmp.plot.colours import Floats, Side
-from granular_lmp.plot.signals import LEGEND
 from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots
@@ -89,7 +88,7 @@ class Marks:
         figure = axes.get_figure()
         if handles and figure is not None:
             figure.legend(
-                handles.values(), handles.keys(), loc="outside lower left", ncols=6, fontsize=LEGEND, frameon=False,
+                handles.values(), handles.keys(), loc="outside lower left", ncols=6,
                 handletextpad=0.2, columnspacing=1.0,
             )  # fmt: skip
 

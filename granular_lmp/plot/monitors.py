@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import unit_of
-from granular_lmp.plot.signals import LEGEND, Picture
+from granular_lmp.plot.signals import PAGE, Picture, named
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.tables import places_of
@@ -33,7 +33,7 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
     drawn = {name: found[name] for name in moving(found)}
     if not drawn:
         raise ViewError(f"monitor {monitor.monitor.name}: recorded nothing but zeros; there is nothing to draw")
-    figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(drawn)), layout="constrained")
+    figure = Picture(figsize=(PAGE, 0.9 + 1.2 * len(drawn)), layout="constrained")
     panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
     labels = _labels(monitor)
     for panel, (name, values) in zip(panels, drawn.items(), strict=True):
@@ -42,8 +42,8 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
         panel.margins(x=0)
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
     if 1 < len(labels) <= MOST_LINES:
-        panels[0].legend(fontsize=LEGEND, ncols=2)
-    panels[0].set_title(f"{monitor.scene.name}: monitor {monitor.monitor.name}", fontsize="medium")
+        panels[0].legend(ncols=2)
+    panels[0].set_title(f"{named(monitor.scene)}: monitor {monitor.monitor.name}", fontsize="medium")
     return figure
 
 

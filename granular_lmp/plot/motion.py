@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.chain_bands import edges, frequencies, gaps
 from granular_lmp.plot.colours import DARKEST, LIGHTEST
-from granular_lmp.plot.signals import Picture, frequency_axis, in_si, title
+from granular_lmp.plot.signals import PAGE, Picture, frequency_axis, in_si, named, title
 from granular_lmp.problem import Problem
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.strikers import leads
@@ -31,7 +31,7 @@ def chain_figure(record: Record) -> Picture:
 
 def speeds_figure(times: Floats, places: NDArray[Any], speeds: Floats, label: str) -> Picture:
     """Return a picture of speeds (T, n) in the unit of the darkest colour at all times and places along a line."""
-    figure = Picture(figsize=(7.0, 4.0), layout="constrained")
+    figure = Picture(figsize=(PAGE, 3.6), layout="constrained")
     axes: Axes = figure.subplots()
     shown = np.maximum(speeds, LIGHTEST).T  # those below the colours as the lightest of them
     mesh = axes.pcolormesh(times, places, shown, norm=LogNorm(LIGHTEST, DARKEST), cmap=COLOURS, shading="nearest")
@@ -46,14 +46,14 @@ def bands_figure(problem: Problem) -> Figure:
     """
     mass, stiffness = problem.rest.cell
     phases = np.linspace(0.0, np.pi, 200)
-    figure = Figure(figsize=(5.5, 4.0), layout="constrained")
+    figure = Figure(figsize=(PAGE, 4.0), layout="constrained")
     axes = figure.subplots()
     axes.plot(phases, frequencies(mass, stiffness, phases), color="black")
     for low, high in gaps(edges(mass, stiffness)):
         axes.axhspan(low, high, color="0.9")
     axes.set(xlabel=r"phase from cell to cell (rad)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, np.pi))
     axes.set_ylim(bottom=0)
-    axes.set_title(f"{problem.scene.name}: cell of {len(mass)}", fontsize="medium")
+    axes.set_title(f"{named(problem.scene)}: cell of {len(mass)}", fontsize="medium")
     frequency_axis(axes, 2 * np.pi * problem.scene.scale.time)
     return figure
 

@@ -17,9 +17,9 @@ from granular_lmp.plot.signals import Picture, resized
 
 FRAMES_PER_SECOND = 10
 MOVIES = (".gif", ".mp4")
-MARK = "tab:red"
+MARK = "C3"
 FASTEST = 50  # frames a second, which is what a GIF can have
-_WIDTH, _NARROWEST = 640, 8.0  # pixels, and inches of a figure with signals: 80 dots an inch
+_WIDTH = 560  # pixels, on which letters of 8 points are ten high
 
 
 def refuse_movie(path: Path) -> None:
@@ -57,7 +57,7 @@ def write_movie(
 
     if not 0 < fps <= FASTEST:
         raise ViewError(f"fps = {fps!r}: must be above 0, and at most {FASTEST}")
-    figure.set_dpi(resized(figure, size) if size else _WIDTH / max(figure.get_figwidth(), _NARROWEST))
+    figure.set_dpi(resized(figure, size) if size else _WIDTH / figure.get_figwidth())
     try:
         with whole(path) as draft:
             if path.suffix.lower() == ".gif":
@@ -88,4 +88,5 @@ def _write_gif(figure: Picture, frames: Iterable[Picture], path: Path, colours: 
         canvas.draw()
         image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
-    images[0].save(path, save_all=True, append_images=images[1:], duration=round(1000 / fps), loop=0)
+    # What shows one picture of a movie shows the first, where nothing moves yet: it goes round, so its end comes first
+    images[-1].save(path, save_all=True, append_images=images[:-1], duration=round(1000 / fps), loop=0)

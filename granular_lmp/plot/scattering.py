@@ -1,6 +1,6 @@
 """Figure of what passes the inclusions of a scene and what comes back, over frequency."""
 
-from granular_lmp.plot.signals import BRANCH_STYLES, LEGEND, Picture
+from granular_lmp.plot.signals import BRANCH_STYLES, PAGE, Picture, named
 from granular_lmp.studies.scatter import Scatter
 
 _MARKERS = {"burst": "o", "tone": "s"}
@@ -8,7 +8,7 @@ _MARKERS = {"burst": "o", "tone": "s"}
 
 def scattering_figure(found: Scatter) -> Picture:
     """Return a figure of the shares of the incident energy, with their errors and their sum."""
-    figure = Picture(figsize=(6.5, 4.0), layout="constrained")
+    figure = Picture(figsize=(PAGE, 3.8), layout="constrained")
     axes = figure.subplots()
     for mode in found.modes:
         colour = BRANCH_STYLES[mode]["color"]
@@ -32,6 +32,8 @@ def scattering_figure(found: Scatter) -> Picture:
     balance = sorted((frequency, total) for (_, frequency), total in found.balance().items())
     axes.plot(*zip(*balance, strict=True), color="0.6", linewidth=0.8, label="sum")
     axes.set(xlabel=r"frequency $\Omega$ (rad/$t_0$)", ylabel="share of the incident energy", ylim=(-0.02, 1.05))
-    axes.set_title(f"{found.scene.name}: {found.rows[0].incident} meets {found.scene.imperfections}", fontsize="medium")
-    axes.legend(fontsize=LEGEND)
+    axes.set_title(
+        f"{named(found.scene)}: {found.rows[0].incident} meets {found.scene.imperfections}", fontsize="medium"
+    )
+    axes.legend()
     return figure

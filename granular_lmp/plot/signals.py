@@ -30,8 +30,8 @@ class LineStyle(TypedDict):
 # The dashes distinguish the modes in print without colour
 BRANCH_STYLES: dict[str, LineStyle] = {
     "L": {"color": "black", "linestyle": "-"},
-    "TR": {"color": "tab:blue", "linestyle": "--"},
-    "RT": {"color": "tab:red", "linestyle": "-."},
+    "TR": {"color": "C0", "linestyle": "--"},
+    "RT": {"color": "C3", "linestyle": "-."},
 }
 
 ROTATION_LABEL = {"phi": r"$\varphi = R\theta/D_0$"}
@@ -42,7 +42,8 @@ SPACE = {f"u{axis}": rf"$u_{axis}$ ($D_0$)" for axis in "xyz"} | {f"phi{axis}": 
 
 
 FEWEST_PIXELS, MOST_PIXELS = 100, 4000
-LEGEND = 8  # points: the smallest letters of a legend
+DPI = 200  # dots per inch of a file
+PAGE = 6.3  # inches, 16 cm: the width of all figures, on which `matplotlibrc` has letters of at least 8 points
 
 
 class Picture(Figure):
@@ -85,9 +86,14 @@ def draw_signals(
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
 
 
+def named(scene: Scene) -> str:
+    """Return the name of a scene in words, as titles have it."""
+    return scene.name.replace("_", " ")
+
+
 def title(scene: Scene) -> str:
     """Return a title: name, and of a wave its mode and kind, ξ and direction that are used, and amplitude."""
-    wave, name = scene.wave, scene.name.replace("_", " ")
+    wave, name = scene.wave, named(scene)
     if wave is None or not wave.known.waves:
         unit = "" if wave is None else rf", $D_0$ = {wave.amplitude:g} $\Delta_0$"
         cause = words.moved(scene.striker, scene.start, scene.source).removeprefix("which ")
@@ -104,7 +110,7 @@ def title(scene: Scene) -> str:
 def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], scene: Scene) -> Picture:
     """Return a figure of p, q, φ of the centre sphere over τ, without signals that are zero by symmetry."""
     names = signals_to_draw(signals)
-    figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(names)), layout="constrained")
+    figure = Picture(figsize=(PAGE, 0.9 + 1.2 * len(names)), layout="constrained")
     panels = list(figure.subplots(len(names), squeeze=False, sharex=True)[:, 0])
     draw_signals(panels, tau, signals, names, scene)
     panels[0].set_title(title(scene), fontsize="medium")
@@ -123,7 +129,7 @@ def dispersion_figure(scene: Scene) -> Figure:
     vector = scene.lattice.vector(pi / 2) if scene.wave is None else scene.vector
     edge = scene.lattice.zone_edge(vector.direction)
     wavenumbers = np.linspace(0.01, edge, 200)
-    figure = Figure(figsize=(5.5, 4.0), layout="constrained")
+    figure = Figure(figsize=(PAGE, 4.0), layout="constrained")
     axes = figure.subplots()
     along = [scene.lattice.vector(xi, vector.direction) for xi in wavenumbers]
     for index, (name, branch) in enumerate(branches(lattice, scene.sphere, along, physics).items()):
@@ -132,13 +138,13 @@ def dispersion_figure(scene: Scene) -> Figure:
         axes.plot(wavenumbers, branch, label=label, **style)
     if scene.wave is not None:
         wave = mode_of(scene, physics)
-        named = f"branch {wave.name}" if wave.name.isdigit() else wave.name
-        axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{named}, $\\xi$ = {wave.wavenumber:.4g}")
+        mode = f"branch {wave.name}" if wave.name.isdigit() else wave.name
+        axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{mode}, $\\xi$ = {wave.wavenumber:.4g}")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, edge))
     axes.set_ylim(bottom=0)
     frequency_axis(axes, 2 * np.pi * scene.sphere.time_scale)
     where = "" if vector.axis == "y" else f", along {scene.along}"
-    axes.legend(title=scene.name + where, fontsize=LEGEND, title_fontsize=LEGEND)
+    axes.legend(title=named(scene) + where)
     return figure
 
 
@@ -200,6 +206,6 @@ def save(figure: Figure, path: str | Path, size: tuple[int, int] | None = None) 
         raise RunFolderError(f"{path}: must end in one of {', '.join(sorted(known))}")
     with whole(path) as draft:
         try:
-            figure.savefig(draft, dpi=resized(figure, size) if size else 150)
+            figure.savefig(draft, dpi=resized(figure, size) if size else DPI)
         except RuntimeError as error:
             raise ViewError(f"{path}: cannot be drawn: {one_line(error)}") from error

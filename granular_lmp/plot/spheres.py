@@ -13,7 +13,7 @@ from granular_lmp.crystal.lattices import Shape, lattice_constant
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import Colouring, Floats, Side, label_of
 from granular_lmp.plot.marks import Marks
-from granular_lmp.plot.signals import LEGEND, in_si
+from granular_lmp.plot.signals import in_si
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 
@@ -91,9 +91,9 @@ class SpheresInAxes:
         said = "row" if side.page[0] == 1 else ""
         if self.stretch:
             moved = "displacements and angles" if self.turns else "displacements"
-            said += f"{'; ' if said else ''}{moved} × {factor:g}"
+            said += f"{'; ' if said else ''}{moved}\n× {factor:g}"
         again = f"\n{shape.columns} columns, drawn {self.copies} times" if self.copies > 1 else ""
-        axes.set_xlabel(said + again, fontsize="small")
+        axes.set_xlabel(said + again)
         _scale_bar(axes, high[0] - low[0], scene.sphere.radius)
         self.narrow = bool(high[0] - low[0] < _NARROW * (high[1] - low[1]))
         figure = axes.get_figure()
@@ -140,7 +140,7 @@ def _scale_bar(axes: Axes, width: float, radius: float) -> None:
     length = round_below(_BAR * width * radius)
     bar = AnchoredSizeBar(
         axes.transData, length / radius, in_si(length, "m"), "lower right", pad=0.0, borderpad=0.3, sep=2,
-        frameon=False, label_top=True, fontproperties={"size": LEGEND}, size_vertical=0.005 * width,
+        frameon=False, label_top=True, size_vertical=0.005 * width,
         bbox_to_anchor=(1.0, 1.0), bbox_transform=axes.transAxes,
     )  # fmt: skip
     axes.add_artist(bar)

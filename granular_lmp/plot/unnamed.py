@@ -14,7 +14,7 @@ from granular_lmp.plot.colours import DARKEST, LIGHTEST, SIDES, Side
 from granular_lmp.plot.monitors import MOST_LINES, draw_lines
 from granular_lmp.plot.motion import speeds_figure
 from granular_lmp.plot.movie import FRAMES_PER_SECOND, MOVIES, refuse_movie, write_movie
-from granular_lmp.plot.signals import LEGEND, Picture, in_si, save
+from granular_lmp.plot.signals import PAGE, Picture, in_si, save
 from granular_lmp.runs.unnamed import Moment, Unnamed
 
 Floats = NDArray[np.float64]
@@ -83,7 +83,7 @@ def contacts_figure(crystal: Unnamed, name: str) -> Picture:
     moments, at = np.unique(times, return_inverse=True)
     pairs, which = np.unique(np.stack([one, other], axis=1), axis=0, return_inverse=True)
     drawn = [(each, values) for each, values in quantities if not re.search("_[xyz](_|$)", each)]
-    figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(drawn)), layout="constrained")
+    figure = Picture(figsize=(PAGE, 0.9 + 1.2 * len(drawn)), layout="constrained")
     panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
     for panel, (each, values) in zip(panels, drawn, strict=True):
         table = np.full((len(moments), len(pairs)), np.nan if each.startswith("overlap") else 0.0)
@@ -94,7 +94,7 @@ def contacts_figure(crystal: Unnamed, name: str) -> Picture:
         panel.margins(x=0)
     panels[-1].set(xlabel=time.replace("_", " (") + ")" * ("_" in time))
     if 1 < len(pairs) <= MOST_LINES:
-        panels[0].legend(fontsize=LEGEND, ncols=2)
+        panels[0].legend(ncols=2)
     panels[0].set_title(f"{crystal.name}: contacts", fontsize="medium")
     return figure
 
@@ -147,7 +147,7 @@ class _Spheres:
         places, radius = side.flat(crystal.rest), crystal.radius
         low, high = (places - radius[:, None]).min(axis=0), (places + radius[:, None]).max(axis=0)
         shape = float(np.clip((high - low)[1] / (high - low)[0], 0.2, 1.5))
-        self.figure = Picture(figsize=(6.5, 1.2 + 5.0 * shape), layout="constrained")
+        self.figure = Picture(figsize=(PAGE, 1.0 + 4.8 * shape), layout="constrained")
         axes = self.figure.subplots()
         self.discs = EllipseCollection(
             2 * radius, 2 * radius, 0 * radius, units="xy", offsets=places, offset_transform=axes.transData,

@@ -14,7 +14,7 @@ from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.page import page
-from granular_lmp.plot.signals import Picture, save
+from granular_lmp.plot.signals import PAGE, Picture, named, save
 from granular_lmp.plot.unnamed import contacts_figure, draw_unnamed
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
@@ -217,7 +217,7 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
         name = ", ".join(f"{_in_words(other)} = {row[other]}" for other in others)
         if all(row["run"] != drawn["run"] for drawn in curves.setdefault(name, [])):
             curves[name].append(row)
-    figure = Picture(figsize=(6.5, 4.0), layout="constrained")
+    figure = Picture(figsize=(PAGE, 3.8), layout="constrained")
     axes = figure.subplots()
     for name, rows in curves.items():
         heights = [row[column] if row["status"] == "finished" else np.nan for row in rows]
@@ -229,13 +229,24 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
     # What follows a semicolon is advice to who writes the scene
     comment = note(key, sweep.scene).partition("; ")[0]
     unit = comment.partition(", ")[0] if read_off else comment
-    said = _LABELS.get(column, f"{column} ($D_0$)" if read_off else column)
-    axes.set(xlabel=_in_words(key) + (f" ({unit.replace('xi', 'ξ')})" if unit else ""), ylabel=said)
+    said = _read_out(column) if read_off else _LABELS.get(column, column)
+    axes.set(
+        xlabel=_in_words(key) + (f" ({unit.replace('xi', 'ξ').replace('t0', '$t_0$')})" if unit else ""), ylabel=said
+    )
     missing = "" if finished == len(sweep.rows) else f" ({finished} of {len(sweep.rows)} runs)"
-    axes.set_title(f"{sweep.scene.name.replace('_', ' ')}{missing}", fontsize="medium")
+    axes.set_title(f"{named(sweep.scene)}{missing}", fontsize="medium")
     if len(curves) > 1:
-        axes.legend(fontsize="small")
+        axes.legend()
     return figure
+
+
+def _read_out(column: str) -> str:
+    """Return the label of a read-out of a monitor, as "behind.v2" or "behind.v_static"."""
+    monitor, _, name = column.rpartition(".")
+    component = name.rstrip("0123456789").removesuffix("_static")
+    symbol, order = component.replace("phi", r"\varphi "), name.removeprefix(component)
+    said = f"mean of ${symbol}$" if order == "_static" else rf"${symbol}$ at ${order.strip('1')}\Omega$"
+    return f"{said}, monitor {monitor.replace('_', ' ')} ($D_0$)"
 
 
 def _in_words(key: str) -> str:

@@ -163,7 +163,10 @@ def test_a_sweep_over_frequency_is_a_response_curve(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.column("line.v2"), done.column("line.v2"))
     assert np.isnan(again.column("line.u1")[1])
     (axes,) = sweep_figure(again, "line.u1").axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("frequency of source 1 (rad/t0)", "line.u1 ($D_0$)")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (
+        "frequency of source 1 (rad/$t_0$)",
+        r"$u$ at $\Omega$, monitor line ($D_0$)",
+    )
     assert len(axes.containers) == 2  # error bars of each curve
     short = sweep(TONE, {"time.duration": [10.0]}, tmp_path / "short")
     with pytest.raises(ViewError, match=r"column = 'line\.u1': time\.duration = 10\.0: leaves .* steady periods"):

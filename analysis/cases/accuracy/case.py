@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from cases.runner import script
 from granular_analysis.measure.runs import load
 from granular_analysis.measure.signals import errors
+from granular_analysis.plotting import page
 from granular_analysis.theory.catalogue import missing
 from granular_analysis.theory.choice import THEORIES, Trajectory, holding, traits_of, wave_of
 from granular_analysis.theory.lattice import torus
@@ -228,7 +229,7 @@ def draw(found: Measured) -> Figure:
     """
     study, levels = found
     shown = [name for name in COMPONENTS if study.floor[name] is not None][:2]
-    figure = Figure(figsize=(5.2 * len(shown), 6.4), layout="constrained")
+    figure = page(4.6)
     panels = figure.subplots(1, len(shown), sharex=True, squeeze=False)[0]
     star = recommended(study)
     for axes, name in zip(panels, shown, strict=True):
@@ -245,7 +246,7 @@ def draw(found: Measured) -> Figure:
     if star is not None:
         handles.append(Line2D([], [], label=f"recommended for {MARKED:g}: {star.family}, {star.name}", **STAR))
     handles.append(Patch(label="below the error of the reference", **BELOW))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -272,7 +273,7 @@ def _panel(axes: Axes, study: Study, levels: Sequence[Setting], name: str) -> No
                 offset, side = NAMES[s.name]
                 axes.annotate(
                     s.name, (s.seconds, error), xytext=offset, textcoords="offset points",
-                    ha=side, va="center", fontsize=8,
+                    ha=side, va="center",
                 )  # fmt: skip
     low, high = axes.get_ylim()
     if (study.floor[name] or 0.0) > low:

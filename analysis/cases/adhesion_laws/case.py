@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cases.runner import script
 from cases.spectrum.case import refuse
 from cases.spectrum.points import Point, extrapolated, locate_antiresonance, locate_resonance, point
-from granular_analysis.plotting import SILICA, letter
+from granular_analysis.plotting import SILICA, legend_above, letter, page
 from granular_analysis.theory.adhesion import Adhesion
 from granular_analysis.theory.choice import wave_of
 from granular_analysis.theory.contact import Contact
@@ -27,7 +27,7 @@ from granular_analysis.theory.wave import antiresonance, generated, nonlinearity
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
-COLOURS: Final[dict[Adhesion, str]] = {"dmt": "black", "jkr": "tab:red"}
+COLOURS: Final[dict[Adhesion, str]] = {"dmt": "black", "jkr": "C3"}
 POINTS = 50  # on each line of theory in the panels below
 # A contact that nothing presses has these k1Δ0 in πwRc, and Δ0 in that of the DMT law
 UNITS: Final[dict[Adhesion, tuple[float, float]]] = {"dmt": (3.0, 1.0), "jkr": (1.8, 3 ** (-1 / 3))}
@@ -88,24 +88,24 @@ def table(groups: Mapping[Adhesion, Sequence[Record]]) -> str:
 
 def draw(groups: Mapping[Adhesion, Sequence[Record]]) -> Figure:
     """Return the figure: forces, spectrum with the runs on theory, and where theory has resonance and antiresonance."""
-    figure = Figure(figsize=(9.5, 7.5), layout="constrained")
+    figure = page(6.4)
     (forces, spectrum), (ratios, pressed) = figure.subplots(2, 2)
     _draw_forces(forces)
     for law, records in groups.items():
         _draw_spectrum(spectrum, law, [point(record) for record in records], wave_of(records[0]).contact)
     spectrum.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi), ylim=(3e-6, 300))
-    spectrum.set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", title="second harmonic of TR waves")
-    spectrum.legend(frameon=False, fontsize="small", loc="upper left")
+    spectrum.set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)")
 
     nu = np.linspace(-0.99, 0.5, POINTS)
     _draw_places(ratios, nu, {law: [Contact(each, adhesion_law=law) for each in nu] for law in COLOURS})
-    ratios.set(xlabel=r"Poisson's ratio $\nu$", title="without an outer force")
+    ratios.set(xlabel=r"Poisson's ratio $\nu$")
     share = np.linspace(0, 0.9999, POINTS)
     contacts = {law: [Contact(SILICA, adhesion_law=law, prestress=each) for each in share] for law in COLOURS}
     _draw_places(pressed, share, contacts)
-    pressed.set(xlabel=r"share $F_0/(F_0+F)$ of an outer force", title=rf"$\nu$ = {SILICA:g}")
-    ratios.legend(frameon=False, fontsize="small", loc="upper left")
+    pressed.set(xlabel=r"share $F_0/(F_0+F)$ of an outer force")
     letter((forces, spectrum, ratios, pressed))
+    for axes in (forces, spectrum, ratios):
+        legend_above(axes, 2)
     return figure
 
 
@@ -115,8 +115,7 @@ def _draw_forces(axes: Axes) -> None:
         axes.plot(overlap, force(law, overlap), color=colour, label=law.upper())
         axes.plot(UNITS[law][1], 0.0, "o", color=colour)
     axes.axhline(0, color="0.7", linewidth=0.8, zorder=0)
-    axes.set(xlabel=r"overlap, in $\Delta_0$ of DMT", ylabel=r"force ($\pi w R_c$)", title="contact forces; o: at rest")
-    axes.legend(frameon=False, fontsize="small")
+    axes.set(xlabel=r"overlap, in $\Delta_0$ of DMT", ylabel=r"force ($\pi w R_c$)")
 
 
 def _draw_spectrum(axes: Axes, law: Adhesion, points: Sequence[Point], contact: Contact) -> None:

@@ -31,6 +31,7 @@ from cases.fields import fields_of
 from cases.rows import waves
 from cases.runner import script
 from granular_analysis.measure.runs import all_but
+from granular_analysis.plotting import page
 from granular_analysis.theory.rows import Rows
 from granular_analysis.theory.transfer import running, scattering
 from granular_analysis.tools.scatter import rows_at_rest
@@ -197,32 +198,32 @@ def table(found: Parts) -> str:
 
 def draw(found: Parts) -> Figure:
     """Draw the moduli over the distance of the source, and the free wave behind in the complex plane."""
-    figure = Figure(figsize=(9.5, 3.9), layout="constrained")
+    figure = page(3.8)
     left, right = figure.subplots(1, 2)
     at = [each.distance for each in found.runs]
     free = np.array([each.free for each in found.runs])
     before = found.passes * np.array([each.free_before for each in found.runs])
     forced = [abs(each.forced * each.passed) for each in found.runs]
     left.plot(at, np.abs(free), "o", color="black", label="free wave behind")
-    left.plot(at, np.abs(before + found.interface), "x", color="tab:red", label="sum of the two parts")
-    left.plot(at, np.abs(before), "^", color="tab:blue", markersize=5, label="part made before the interface")
-    left.axhline(abs(found.interface), color="tab:orange", linewidth=1, label="part made at the interface")
-    left.plot(at, forced, "s", color="tab:green", markersize=4, label="forced wave behind, made all along")
+    left.plot(at, np.abs(before + found.interface), "x", color="C3", label="sum of the two parts")
+    left.plot(at, np.abs(before), "^", color="C0", markersize=5, label="part made before the interface")
+    left.axhline(abs(found.interface), color="C1", linewidth=1, label="part made at the interface")
+    left.plot(at, forced, "s", color="C2", markersize=4, label="forced wave behind, made all along")
     left.set(
         xlabel="rows from the source to the interface", ylabel=r"$p$ at $2\Omega$ over $a^2$ ($1/D_0$)", ylim=(0, None)
     )
-    left.legend(frameon=False, fontsize=8, loc="lower right")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     turn = np.linspace(0, 2 * np.pi, 200)
     circle = found.interface + np.mean(np.abs(before)) * np.exp(1j * turn)
-    right.plot(circle.real, circle.imag, color="tab:blue", linewidth=0.8)
+    right.plot(circle.real, circle.imag, color="C0", linewidth=0.8)
     right.plot(free.real, free.imag, "o", color="black")
-    right.plot(found.interface.real, found.interface.imag, "+", color="tab:orange", markersize=10)
+    right.plot(found.interface.real, found.interface.imag, "+", color="C1", markersize=10)
     right.axhline(0, color="0.8", linewidth=0.6, zorder=0)
     right.axvline(0, color="0.8", linewidth=0.6, zorder=0)
     right.set(aspect="equal", xlabel="Re $B$ ($1/D_0$)", ylabel="Im $B$ ($1/D_0$)")
     for axes in (left, right):
         axes.ticklabel_format(scilimits=(-2, 3))
-    right.set_title("free wave behind; cross: made at the interface", fontsize="small")
+    right.set_title("free wave behind;\ncross: part made at the interface")
     return figure
 
 

@@ -30,6 +30,7 @@ from cases.fields import Sheet, fields_of
 from cases.oblique.case import HELD as OF_A_WAVE
 from cases.runner import script
 from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.plotting import legend_above, page
 from granular_analysis.theory.catalogue import OBLIQUE
 from granular_analysis.theory.choice import contact_of, traits_of
 from granular_analysis.theory.network_motion import integrate
@@ -173,43 +174,43 @@ def table(found: Sequence[Scattering]) -> str:
 
 def draw(found: Sequence[Scattering]) -> Figure:
     """Draw for each defect the scattered displacement across and along the wave, and its energy over time."""
-    figure = Figure(figsize=(11.0, 4.0 * len(found)), layout="constrained")
-    panels = figure.subplots(len(found), 3, squeeze=False)
+    figure = page(2.6 * len(found))
+    panels = figure.subplots(len(found), 3, squeeze=False, width_ratios=[1, 1, 1.1])
     for row, each in zip(panels, found, strict=True):
         shown = int(np.argmin(np.abs(each.tau - 0.75 * each.tau[-1])))
         largest = np.percentile(np.abs(each.field[shown]), 99.5)
         for axes, component, label in ((row[0], 0, "across $k$"), (row[1], 1, "along $k$")):
             image = axes.scatter(
-                *each.places.T, c=each.field[shown, :, component], s=7, cmap="RdBu", vmin=-largest, vmax=largest,
+                *each.places.T, c=each.field[shown, :, component], s=2.4, cmap="RdBu", vmin=-largest, vmax=largest,
                 marker="h", linewidths=0, rasterized=True,
             )  # fmt: skip
             axes.plot(0, 0, "k.", markersize=3)
             axes.set(aspect="equal", xlabel="x (lattice constants)")
-            axes.set_title(f"{each.name}: {label}", fontsize="medium")
-        row[0].set_ylabel("y, along the wave")
-        figure.colorbar(image, ax=list(row[:2]), label=rf"scattered / $D_0$, $\tau$ = {each.tau[shown]:g}", shrink=0.8)
+            axes.set_title(label)
+        row[0].set_ylabel(f"{each.name}\ny (lattice constants)")
+        figure.colorbar(image, ax=list(row[:2]), label=rf"scattered / $D_0$, $\tau$ = {each.tau[shown]:g}", shrink=0.7)
         _energy(row[2], each)
     return figure
 
 
 def _energy(axes: Axes, each: Scattering) -> None:
-    axes.plot(each.tau, each.widths, "o", markersize=3.5, color="tab:blue", label=f"LAMMPS, $W$ = {each.width:.3f}")
+    axes.plot(each.tau, each.widths, "o", markersize=3.5, color="C0", label="LAMMPS")
     axes.plot(
         each.tau,
         each.widths_of_network,
         color="black",
         linewidth=1,
-        label=f"network, $W$ = {each.width_of_network:.3f}",
+        label="network",
     )
     if each.theory is not None:
         middle = each.tau >= SETTLED
         offset = np.mean(each.widths[middle] - each.theory * each.tau[middle])
         line = each.tau[middle]
-        axes.plot(line, offset + each.theory * line, "--", color="tab:red", label=f"theory, $W$ = {each.theory:.3f}")
-    axes.set(xlabel=r"time $\tau$", ylabel="scattered energy / incident flux\n($t_0$ lattice constants)")
+        axes.plot(line, offset + each.theory * line, "--", color="C3", label="theory")
+    axes.set(xlabel=r"time $\tau$", ylabel="scattered energy / incident flux\n($t_0$ × lattice constant)")
     axes.set(xlim=(0, None), ylim=(0, None))
-    axes.set_title("growth of the scattered energy", fontsize="medium")
-    axes.legend(frameon=False, fontsize="small")
+    axes.set_title(f"width $W$ = {each.width:.3f}", loc="left")
+    legend_above(axes)
 
 
 def measure(records: Sequence[Record]) -> list[Scattering]:

@@ -24,7 +24,7 @@ from cases.dimers.front import (
 from cases.runner import script
 from cases.strikes import recorded, require
 from granular_analysis.measure.strikes import Sites, densities
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import letter, page
 from granular_lmp.runs.record import Record
 
 RATIOS = np.sort(
@@ -74,23 +74,24 @@ def measured(record: Record) -> tuple[float, float, float]:
 
 def draw(runs: Sequence[tuple[float, float, float]]) -> Figure:
     """Return the panels: decay in a cell, and velocity of a light sphere behind the front, over the ratio of masses."""
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    figure = page(3.4)
     decays, rattles = figure.subplots(1, 2)
     chains = [struck(float(ratio)) for ratio in RATIOS]
     decays.semilogy(RATIOS, [max(decay_of(each), SMALLEST) for each in chains], color="black", label="theory")
     rattles.plot(RATIOS, [rattle_of(each) for each in chains], color="black")
     ratio, decay, rattle = np.array(runs).T
-    decays.semilogy(ratio, np.maximum(decay, SMALLEST), "o", color="tab:red", markersize=4, label="LAMMPS")
-    rattles.plot(ratio, rattle, "o", color="tab:red", markersize=4)
-    decays.set(xlabel="mass of a light sphere / of a heavy one", ylabel=r"share $\lambda$ lost in a cell")
+    decays.semilogy(ratio, np.maximum(decay, SMALLEST), "o", color="C3", markersize=4, label="LAMMPS")
+    rattles.plot(ratio, rattle, "o", color="C3", markersize=4)
+    decays.set(xlabel="mass of a light sphere /\nmass of a heavy sphere", ylabel=r"share $\lambda$ lost in a cell")
     rattles.set(
-        xlabel="mass of a light sphere / of a heavy one", ylabel="velocity of a light sphere / height of the front"
+        xlabel="mass of a light sphere /\nmass of a heavy sphere",
+        ylabel="velocity of a light sphere /\nheight of the front",
     )
     rattles.axhline(0.0, color="grey", linewidth=0.8)
     letter((decays, rattles))
     for axes in (decays, rattles):
         axes.grid(alpha=0.3)
-    decays.legend(frameon=False)
+    figure.legend(*decays.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 

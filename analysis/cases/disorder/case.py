@@ -32,7 +32,7 @@ from cases.disorder.measures import (
 )
 from cases.runner import script
 from granular_analysis.measure.disordered import Value, refuse, strength, whole_strength
-from granular_analysis.plotting import COLOURS
+from granular_analysis.plotting import COLOURS, page
 from granular_analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record
 
@@ -40,7 +40,7 @@ Floats = NDArray[np.float64]
 
 # Mean contacts per sphere of one crystal of 1020 spheres, by another protocol: the trial that this work began with
 TRIAL = {0.12: 6.0, 0.4: 5.996, 0.8: 5.737, 1.2: 5.428, 2.0: 5.12, 4.0: 4.714, 12.0: 4.271, 40.0: 3.971}
-HOLDS = {0.0: ("adhesion", "tab:blue", "o"), 1.0: ("compression", "tab:orange", "s")}
+HOLDS = {0.0: ("adhesion", "C0", "o"), 1.0: ("compression", "C1", "s")}
 RESONANCE = 1.8  # TR wave numbers below belong to the resonance (1.476), above to the antiresonance (2.129)
 SETTLED = 10.0  # τ: until then the scattered field is that of the start, and no decay yet
 SHORT = 40.0  # τ: the half height is given for this duration too
@@ -199,7 +199,7 @@ def table(found: Found) -> str:
 
 def draw(found: Found) -> Figure:
     """Draw what was found, a panel for each kind: contacts, attenuation, sound; height, shape, antiresonance."""
-    figure = Figure(figsize=(8.5, 10.5), layout="constrained")  # as wide as a page, on which its letters stay as large
+    figure = page(8.6)
     panels = figure.subplots(3, 2).flat
     _contacts(panels[0], found)
     _attenuation(panels[1], found)
@@ -210,7 +210,7 @@ def draw(found: Found) -> Figure:
         _antiresonance(panels[5], found)
     for axes, letter in zip(panels, "abcdef", strict=True):
         if axes.has_data():
-            axes.set_title(f"({letter}) {axes.get_title('left')}", loc="left", fontsize="medium")
+            axes.set_title(f"({letter}) {axes.get_title('left')}", loc="left")
         else:
             axes.set_axis_off()
     return figure
@@ -220,7 +220,7 @@ def _contacts(axes: Axes, found: Found) -> None:
     if not found.contacts:
         return
     axes.set_title("contacts left", loc="left")
-    marks = iter([("tab:blue", "o"), ("tab:orange", "s"), ("tab:green", "^")])
+    marks = iter([("C0", "o"), ("C1", "s"), ("C2", "^")])
     for crystals in sorted({(friction, ratio) for ratio, friction, _ in found.contacts}):
         rows = [
             (s, z.mean(), z.std() / max(len(z) - 1, 1) ** 0.5)
@@ -234,14 +234,14 @@ def _contacts(axes: Axes, found: Found) -> None:
         axes.errorbar(s, z, error, fmt=mark, color=colour, markersize=4, label=rf"$\Delta_0/2R$ = {ratio:.2g}{rubbed}")
     axes.plot(*np.transpose(list(TRIAL.items())), "k+", markersize=8, label="trial, one crystal")
     axes.axhline(4, color="black", linewidth=0.8, linestyle=":")
-    axes.text(0.05, 4.04, "isostatic without friction", fontsize="small", transform=axes.get_yaxis_transform())
+    axes.text(0.05, 4.04, "isostatic without friction", transform=axes.get_yaxis_transform())
     axes.set(
         ylim=(2.9, 6.2),
         xscale="log",
         xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$",
         ylabel="contacts per sphere $Z$",
     )
-    axes.legend(frameon=False, fontsize="small", loc="lower left", borderaxespad=0.2)
+    axes.legend(loc="lower left", borderaxespad=0.2)
 
 
 def _attenuation(axes: Axes, found: Found) -> None:
@@ -275,7 +275,7 @@ def _attenuation(axes: Axes, found: Found) -> None:
     )
     axes.set_xticks([0.3, 0.5, 1, 2], ["0.3", "0.5", "1", "2"])
     axes.minorticks_off()
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend()
 
 
 def _sound(axes: Axes, found: Found) -> None:
@@ -293,7 +293,7 @@ def _sound(axes: Axes, found: Found) -> None:
     ticks = [tick for tick in (0.4, 0.6, 0.8, 1, 1.2, 1.6, 2) if 0.9 * min(ratio * hertz) < tick < 1.1 * hertz[-1]]
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend()
 
 
 def _heights(axes: Axes, found: Found) -> None:
@@ -318,16 +318,14 @@ def _heights(axes: Axes, found: Found) -> None:
     axes.axhline(0.5, color="black", linewidth=0.8, linestyle=":")
     axes.set(xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$", ylabel="second harmonic / that of equal spheres")
     axes.set(xlim=(0, None), ylim=(0, 1.5))
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend()
 
 
 def _shapes(axes: Axes, found: Found) -> None:
     if not found.shapes:
         return
     axes.set_title("resonance, adhesion", loc="left")
-    for (spread, shape), colour in zip(
-        found.shapes.items(), ("black", "tab:blue", "tab:orange", "tab:green"), strict=False
-    ):
+    for (spread, shape), colour in zip(found.shapes.items(), ("black", "C0", "C1", "C2"), strict=False):
         values = [measured(waves) for waves in shape.values()]
         heights = 1e3 * np.array([each for each in values])
         errors = np.nan_to_num(heights[:, 1])  # a perfect crystal has one seed
@@ -341,7 +339,7 @@ def _shapes(axes: Axes, found: Found) -> None:
         line = perfect_strength(stretched, waves.contact, found.amplitude, waves.tau)
         axes.plot(xi, 1e3 * fit.height.value * line, color=colour, linewidth=1)
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"second harmonic ($10^{-3} D_0$)", ylim=(0, None))
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend()
 
 
 def _antiresonance(axes: Axes, found: Found) -> None:
@@ -366,7 +364,7 @@ def _antiresonance(axes: Axes, found: Found) -> None:
     axes.axhline(floor, color="black", linewidth=0.8, linestyle=":", label="equal spheres")
     axes.set(yscale="log", xlim=(0, None), xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$")
     axes.set_ylabel("second harmonic /\nresonance of equal spheres")
-    axes.legend(frameon=False, fontsize="small", loc="lower right", bbox_to_anchor=(1, 0.08), handlelength=1.2)
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 0.08), handlelength=1.2)
 
 
 main = script(__name__, read, table, draw, ("sweeps", "sweeps over disorder.seed"))

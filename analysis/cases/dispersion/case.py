@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from cases.dispersion.density import Sheet, density, misses, zone_path
 from cases.runner import script
+from granular_analysis.plotting import page
 
 BRANCHES = ("lower", "middle", "upper")
 
@@ -36,13 +37,13 @@ def draw(sheet: Sheet) -> Figure:
     # From M to K by one corner, from K to Γ by another: the step between them has the length of its neighbours
     jump = corners[2]
     along[jump:] += (along[jump - 1] - along[jump - 2]) - (along[jump] - along[jump - 1])
-    figure = Figure(figsize=(7.5, 5.5), layout="constrained")
+    figure = page(4.6)
     axes = figure.subplots()
     shown = power / power.max(axis=1, keepdims=True)
     mesh = axes.pcolormesh(
         along, frequencies, shown.T, norm=LogNorm(1e-4, 1), cmap="Greys", shading="nearest", rasterized=True
     )
-    axes.plot(along, sheet.theory(wavevectors), color="tab:red", linewidth=0.8, linestyle=(0, (4, 4)))
+    axes.plot(along, sheet.theory(wavevectors), color="C3", linewidth=0.8, linestyle=(0, (4, 4)))
     axes.set(
         ylabel=r"frequency $\Omega$ (rad per $t_0$)", ylim=(0, 2.05),
         title=rf"a sheet kicked at random, $\tau \leq$ {sheet.tau[-1]:g}: LAMMPS (grey), theory (red)",

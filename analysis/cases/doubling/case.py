@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cases.runner import script
 from granular_analysis.measure.designs import read_off
 from granular_analysis.measure.runs import load
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import legend_above, letter, page
 
 Floats = NDArray[np.float64]
 NAMES = {"doubler": "second-harmonic", "second": "second-harmonic", "focus": "motion:right/left"}
@@ -108,23 +108,25 @@ def components(found: Found) -> tuple[Floats, Floats]:
 
 def draw(found: Found) -> Figure:
     """Draw the pattern, its Fourier components, and the spectra at 2k."""
-    figure = Figure(figsize=(13, 4.2), layout="constrained")
-    left, middle, right = figure.subplots(1, 3, width_ratios=[1.15, 1, 1.1])
-    shown = left.scatter(*found.places.T, c=found.densities, s=18, cmap="viridis")
-    figure.colorbar(shown, ax=left, label="density, in that of the uniform crystal")
+    figure = page(5.6)
+    grid = figure.add_gridspec(2, 2)
+    left, middle = (figure.add_subplot(grid[0, place]) for place in (0, 1))
+    right = figure.add_subplot(grid[1, :])
+    shown = left.scatter(*found.places.T, c=found.densities, s=5, cmap="viridis")
+    figure.colorbar(shown, ax=left, label="density / uniform density")
     left.set(aspect="equal", xlabel="$x/R$", ylabel="$y/R$")
     vectors, sizes = components(found)
-    middle.scatter(*vectors.T, s=1500 * sizes, color="black", linewidth=0)
+    middle.scatter(*vectors.T, s=500 * sizes, color="black", linewidth=0)
     doubled = 2 * found.wavenumber
-    middle.scatter([0, 0], [doubled / 2, doubled], s=60, facecolor="none", edgecolor="tab:red", label="$k$ and $2k$")
-    middle.set(xlabel="$k_x$, rad per lattice constant", ylabel="$k_y$, rad per row", ylim=(-0.15, 3.6))
-    middle.legend(loc="upper right", fontsize=8)
-    for (at, sizes), colour, label in zip(found.spectra, ("tab:red", "black"), ("pattern", "uniform"), strict=True):
-        right.plot(at, sizes, color=colour, linewidth=1, label=label)
-    right.axvline(found.doubled, color="tab:blue", linestyle="--", linewidth=1, label=r"$2\Omega$")
-    right.set(xlim=(0, 1.2), ylim=(0, 1.05), xlabel=r"frequency, rad/$t_0$", ylabel="longitudinal motion at $2k$")
-    right.legend(frameon=False)
+    middle.scatter([0, 0], [doubled / 2, doubled], s=40, facecolor="none", edgecolor="C3", label="$k$ and $2k$")
+    middle.set(xlabel="$k_x$ (rad per lattice constant)", ylabel="$k_y$ (rad per row)", ylim=(-0.15, 3.6))
     letter((left, middle, right))
+    legend_above(middle)
+    for (at, sizes), colour, label in zip(found.spectra, ("C3", "black"), ("pattern", "uniform"), strict=True):
+        right.plot(at, sizes, color=colour, linewidth=1, label=label)
+    right.axvline(found.doubled, color="C0", linestyle="--", linewidth=1, label=r"$2\Omega$")
+    right.set(xlim=(0, 1.2), ylim=(0, 1.05), xlabel=r"frequency (rad per $t_0$)", ylabel="longitudinal motion at $2k$")
+    right.legend()
     return figure
 
 

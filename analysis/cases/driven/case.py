@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cases.driven.waves import beat_length, driven_amplitudes, slowest, static
 from cases.rows import AIRY, Rows, amplitudes_at, echo, load_form
 from cases.runner import script
+from granular_analysis.plotting import page
 from granular_analysis.theory.choice import wave_of
 from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
@@ -104,13 +105,13 @@ def _window(tau: Floats, ramp: float, period: float) -> tuple[int, float]:
     return int(np.searchsorted(tau, begin, side="right")), float(tau[-1])
 
 
-LINES = {"p": "tab:blue", "q": "tab:blue", "phi": "tab:orange", "p at 2Ω": "tab:blue", "mean p": "tab:orange"}
+LINES = {"p": "C0", "q": "C0", "phi": "C1", "p at 2Ω": "C0", "mean p": "C1"}
 LABELS = {"phi": r"$\varphi$", "p at 2Ω": r"$p$ at $2\Omega$", "mean p": "mean of $p$", "q": "$q$", "p": "$p$"}
 
 
 def draw(found: Comparison) -> Figure:
     """Moduli over the rows, run over theory; below, what is left of the complex amplitudes."""
-    figure = Figure(figsize=(10, 6), layout="constrained")
+    figure = page(4.8)
     panels = figure.subplots(2, 2, sharex=True, height_ratios=[3, 2])
     for name, theory in found.theory.items():
         upper, lower = panels[:, int(name in ("p at 2Ω", "mean p"))]
@@ -121,20 +122,19 @@ def draw(found: Comparison) -> Figure:
     beat = beat_length(found.wave)
     second = "free wave above the cutoff" if np.isnan(beat) else f"beat length {beat:.4g} rows"
     for axes, title in zip(panels[0], ("(a) fundamental", f"(b) second order; {second}"), strict=True):
-        axes.set_title(title, fontsize="medium", loc="right")
+        axes.set_title(title, loc="right")
         axes.set_ylim(0, 1.35 * axes.get_ylim()[1])  # room for the legend
         axes.ticklabel_format(axis="y", scilimits=(-2, 3))
-        axes.legend(title="dots: run, lines: theory", fontsize="small", ncols=2, loc="upper left")
+        axes.legend(title="dots: run, lines: theory", ncols=2, loc="upper left")
     panels[0, 0].set_ylabel(r"amplitude ($D_0$)")
-    panels[1, 0].set_ylabel("|run − theory|, with phase ($D_0$)")
+    panels[1, 0].set_ylabel("|run − theory| ($D_0$)")
     for axes in panels[1]:
         axes.set_xlabel("row $n$")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     numbers = ",  ".join(f"{LABELS[name]} {whole:.1e}" for name, (whole, _) in found.deviations().items())
     figure.suptitle(
-        rf"driven {found.wave.mode.name}, $\xi$ = {found.wave.mode.wavenumber:.4g}, $a$ = {found.wave.amplitude:g}; "
-        f"median relative deviations: {numbers}",
-        fontsize="medium",
+        rf"driven {found.wave.mode.name}, $\xi$ = {found.wave.mode.wavenumber:.4g}, $a$ = {found.wave.amplitude:g}"
+        f"\nmedian relative deviations: {numbers}",
     )
     return figure
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from cases.runner import script
 from granular_analysis.measure.runs import sweep
 from granular_analysis.measure.signals import measured_amplitude
+from granular_analysis.plotting import page
 from granular_analysis.theory.catalogue import OBLIQUE, missing
 from granular_analysis.theory.choice import holding, traits_of, trajectory, wave_of
 from granular_analysis.theory.contact import Contact
@@ -31,10 +32,10 @@ from granular_lmp.runs.record import Record
 # Told apart by marker and dashes without colour.
 STYLES: tuple[dict[str, Any], ...] = (
     {"color": "black", "marker": "o", "linestyle": "-"},
-    {"color": "tab:red", "marker": "s", "linestyle": "--"},
-    {"color": "tab:blue", "marker": "^", "linestyle": "-."},
-    {"color": "tab:green", "marker": "x", "linestyle": ":"},
-    {"color": "tab:orange", "marker": "v", "linestyle": (0, (5, 1, 1, 1))},
+    {"color": "C3", "marker": "s", "linestyle": "--"},
+    {"color": "C0", "marker": "^", "linestyle": "-."},
+    {"color": "C2", "marker": "x", "linestyle": ":"},
+    {"color": "C1", "marker": "v", "linestyle": (0, (5, 1, 1, 1))},
 )
 
 
@@ -91,7 +92,7 @@ def table(sweeps: Sequence[Sequence[Record]]) -> str:
 
 def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
     """All sweeps in three panels over the wave number."""
-    figure = Figure(figsize=(7.0, 8.5), layout="constrained")
+    figure = page(7.6)
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.5, 1.2))
     for number, (records, style) in enumerate(zip(sweeps, STYLES, strict=False)):
         wave = wave_of(records[0])
@@ -115,9 +116,9 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
         ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)",
         title=rf"{wave.mode.name} wave, $D_0$ = {wave.amplitude:g} $\Delta_0$: marks LAMMPS, lines theory",
     )
-    above.legend(frameon=False, fontsize=9)
+    above.legend()
     middle.set(ylabel=rf"rms of $p$, $\tau \leq {end:g}$" + "\n" + r"($|\epsilon| D_0$)")
-    middle.legend(frameon=False, fontsize=9)
+    middle.legend()
     below.set(xlim=(0, np.pi), xlabel=r"wave number $\xi$ (rad per row)", ylabel="difference of $p$\nfrom the lattice")
     return figure
 

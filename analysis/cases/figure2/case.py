@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cases.runner import POISSON_RATIO, script
-from granular_analysis.plotting import COLOURS
+from granular_analysis.plotting import COLOURS, legend_above, page
 from granular_analysis.second_harmonic import (
     MODES,
     ModeName,
@@ -32,15 +32,16 @@ PAPER = (0.802, 1.475, 2.127)  # rad per row, of the paper's three runs
 
 def draw(constants: Ratios) -> Figure:
     """Draw the three panels for one lattice."""
-    figure = Figure(figsize=(11.0, 4.0), layout="constrained")
-    branches, upper, lower = figure.subplots(1, 3)
+    figure = page(3.7)
+    branches, upper, lower = figure.subplots(1, 3, width_ratios=[1.15, 1, 1])
     _dispersion(branches, constants)
     generated: tuple[tuple[Axes, ModeName, str], ...] = ((upper, "RT", "b"), (lower, "TR", "c"))
     for axes, name, letter in generated:
         _amplitudes(axes, name, constants)
-        axes.set_title(f"({letter})  second harmonic of {name}")
+        axes.set_title(f"({letter}) second harmonic\nof {name}", loc="left")
+        legend_above(axes)
     for axes in (branches, upper, lower):
-        axes.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi))
+        axes.set(xlabel="wave number $\\xi$\n(rad per row)", xlim=(0, np.pi))
     return figure
 
 
@@ -81,18 +82,18 @@ def _dispersion(axes: Axes, constants: Ratios) -> None:
             vanishing, mode("TR", vanishing, constants).frequency, "ks", markerfacecolor="white",
             label=rf"antiresonance, $\xi$ = {vanishing:.4f}",
         )  # fmt: skip
-    axes.set(ylabel=r"frequency $\Omega$ (rad per $t_0$)", ylim=(0, 2.6), title="(a)  dispersion along y")
-    axes.legend(fontsize="small", loc="upper right")
+    axes.set(ylabel=r"frequency $\Omega$ (rad per $t_0$)", ylim=(0, 2.6))
+    axes.set_title("(a) dispersion along y", loc="left")
+    legend_above(axes)
 
 
 def _amplitudes(axes: Axes, name: ModeName, constants: Ratios) -> None:
     waves = [mode(name, xi, constants) for xi in WAVENUMBERS]
     generated = [abs(generated_amplitude(wave, constants)) / 2 for wave in waves]
     axes.semilogy(WAVENUMBERS, generated, color="black", label=r"$|\tilde P_1|/2$ per $\epsilon$")
-    axes.semilogy(WAVENUMBERS, [wave.q for wave in waves], color="tab:blue", linestyle="--", label="$|Q|$")
-    axes.semilogy(WAVENUMBERS, [abs(wave.f) for wave in waves], color="tab:red", linestyle="-.", label="$|f|$")
+    axes.semilogy(WAVENUMBERS, [wave.q for wave in waves], color="C0", linestyle="--", label="$|Q|$")
+    axes.semilogy(WAVENUMBERS, [abs(wave.f) for wave in waves], color="C3", linestyle="-.", label="$|f|$")
     axes.set(ylim=(1e-5, 1e2), ylabel="amplitude")
-    axes.legend(fontsize="small", loc="upper left" if name == "RT" else "lower left")
 
 
 main = script(__name__, ratios, table, draw, options=POISSON_RATIO)

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 from cases.runner import script
 from granular_analysis.measure.signals import COMPONENTS, errors
+from granular_analysis.plotting import page
 from granular_analysis.theory.choice import best, trajectory, wave_of
 from granular_lmp.runs.record import Record
 
@@ -28,19 +29,19 @@ ROWS = 4
 def draw(records: list[Record]) -> Figure:
     """One column a run."""
     count = len(records)
-    figure = Figure(figsize=(4.2 * count, 9.6), layout="constrained")
+    figure = page(7.8)
     panels = figure.subplots(ROWS, count, sharex="col", squeeze=False, height_ratios=[3, 2, 3, 2])
     for column, record in enumerate(records):
         _column(list(panels[:, column]), record, [ascii_lowercase[column + row * count] for row in range(ROWS)])
     for axes, label in zip(
         panels[:, 0],
-        (r"$q = -u/D_0$,  $\phi = R\theta/D_0$", r"$q$, $\phi$ beyond", "$p = v/D_0$", "error of $p$"),
+        (r"$q = -u/D_0$,  $\phi = R\theta/D_0$", "beyond the paper's\norder", "$p = v/D_0$", "error of $p$"),
         strict=True,
     ):
         axes.set_ylabel(label)
     # Outside the panels, where no curve is covered
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6, frameon=False)
-    figure.legend(*panels[2, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6)
+    figure.legend(*panels[2, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
 
@@ -48,34 +49,36 @@ def _column(panels: list[Axes], record: Record, letters: list[str]) -> None:
     upper, beyond, middle, lower = panels
     wave = wave_of(record)
     ours = best(wave, record.tau)
-    upper.plot(record.tau, record.q, color="black", linewidth=2.5, label="$q$: LAMMPS")
-    upper.plot(record.tau, record.phi, color="tab:grey", linewidth=2.5, label=r"$\phi$: LAMMPS")
-    middle.plot(record.tau, record.p, color="black", linewidth=2.5, label="LAMMPS")
+    upper.plot(record.tau, record.q, color="black", linewidth=1.8, label="$q$: LAMMPS")
+    upper.plot(record.tau, record.phi, color="tab:grey", linewidth=1.8, label=r"$\phi$: LAMMPS")
+    middle.plot(record.tau, record.p, color="black", linewidth=1.8, label="LAMMPS")
     papers, bests = (trajectory(name, wave, record.tau) for name in ("second-order", ours))
     for run, colour, index in ((record.q, "black", 1), (record.phi, "tab:grey", 2)):
-        beyond.plot(record.tau, run - papers[index], color=colour, linewidth=2.0)
-        beyond.plot(record.tau, bests[index] - papers[index], color="tab:red", linestyle="--", linewidth=1.0)
+        beyond.plot(record.tau, run - papers[index], color=colour, linewidth=1.5)
+        beyond.plot(record.tau, bests[index] - papers[index], color="C3", linestyle="--", linewidth=0.8)
     titles: dict[str, list[str]] = {"q": [], "phi": [], "p": []}
     for (p, q, phi), label, colour, dashes in (
-        (papers, "the paper's order", "tab:cyan", "-"),
-        (bests, "best theory", "tab:red", "--"),
+        (papers, "the paper's order", "C5", "-"),
+        (bests, "best theory", "C3", "--"),
     ):
         for axes, values, shown in ((upper, q, label), (upper, phi, None), (middle, p, label)):
-            axes.plot(record.tau, values, color=colour, linestyle=dashes, linewidth=1.0, label=shown)
+            axes.plot(record.tau, values, color=colour, linestyle=dashes, linewidth=0.8, label=shown)
         # The first record is the start, which every theory shares
-        lower.semilogy(record.tau[1:], np.abs(record.p - p)[1:], color=colour, linestyle=dashes, linewidth=1.0)
+        lower.semilogy(record.tau[1:], np.abs(record.p - p)[1:], color=colour, linestyle=dashes, linewidth=0.8)
         for component, error in errors(record, (p, q, phi)).items():
             titles[component].append("0" if error is None else f"{error:.1e}")
     first, second, third, fourth = letters
     upper.set_title(
-        rf"({first})  {wave.mode.name}, $\xi$ = {wave.mode.wavenumber:.4g}; best: {ours}"
+        rf"({first}) {wave.mode.name}, $\xi$ = {wave.mode.wavenumber:.4g}"
+        f"\n{ours}"
         "\n"
-        rf"error $q$ {' → '.join(titles['q'])},  $\phi$ {' → '.join(titles['phi'])}",
-        fontsize="medium",
+        rf"$q$: {' → '.join(titles['q'])}"
+        "\n"
+        rf"$\phi$: {' → '.join(titles['phi'])}"
     )
-    beyond.set_title(rf"({second})  $q$ and $\phi$ less the paper's order", fontsize="medium")
-    middle.set_title(rf"({third})  error $p$ {' → '.join(titles['p'])}", fontsize="medium")
-    lower.set_title(rf"({fourth})  |theory − LAMMPS| of $p$", fontsize="medium")
+    beyond.set_title(rf"({second}) $q$ and $\phi$ beyond")
+    middle.set_title(rf"({third}) $p$: {' → '.join(titles['p'])}")
+    lower.set_title(rf"({fourth}) |theory − LAMMPS|")
     lower.set_xlabel(r"time $\tau$")
     for axes in panels:
         axes.margins(x=0)

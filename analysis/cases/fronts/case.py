@@ -18,7 +18,7 @@ from cases.fronts.front import Front, front
 from cases.runner import script
 from cases.strikes import recorded, require
 from granular_analysis.measure.strikes import Sites
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import letter, page
 from granular_lmp.runs.record import Record
 
 DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
@@ -58,18 +58,20 @@ def fronts(record: Record) -> dict[int, Front]:
 
 def draw(runs: dict[str, dict[int, Front]]) -> Figure:
     """Return the panels: height and scaled speed over distance; a colour for each run, a mark for each direction."""
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    figure = page(3.6)
     heights, speeds = figure.subplots(1, 2)
     for number, (name, each) in enumerate(runs.items()):
         for degrees, found in each.items():
             style = {"marker": _STYLES[degrees], "color": f"C{number}", "markersize": 3, "linewidth": 0.6}
             heights.loglog(found.distance, found.height, label=f"{name}, {degrees}°", **style)
             speeds.plot((found.distance[1:] + found.distance[:-1]) / 2, found.scaled_speed, **style)
-    heights.set(xlabel="distance (diameters)", ylabel="first crest of the speed (that of the striker)")
+    heights.set(xlabel="distance (diameters)", ylabel="first crest of the speed\n(speed of the striker)")
     speeds.axhline(CHAIN, color="grey", linewidth=0.8, linestyle="--")
     speeds.set(xlabel="distance (diameters)", ylabel=r"speed / height$^{1/5}$; dashed: a chain", ylim=(0.85, 1.0))
     letter((heights, speeds))
-    heights.legend(fontsize=8, frameon=False, ncols=max(len(runs), 1))
+    labels = [*zip(*heights.get_legend_handles_labels(), strict=True)]
+    by_direction = [each for degrees in _STYLES for each in labels if each[1].endswith(f" {degrees}°")]
+    figure.legend(*zip(*by_direction, strict=True), loc="outside lower center", ncols=len(_STYLES))
     return figure
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from cases.runner import script
 from granular_analysis.measure.runs import all_but
+from granular_analysis.plotting import page
 from granular_analysis.theory.crystal import PLANE, Crystal
 from granular_analysis.theory.phase_matching import matches
 from granular_analysis.theory.scenes import Setting
@@ -178,14 +179,14 @@ def table(found: Sequence[tuple[Growing, float]]) -> str:
 
 def draw(found: Sequence[tuple[Growing, float]]) -> Figure:
     """Return the figure of the layers: growth over density, by the theory and by LAMMPS."""
-    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    figure = page(3.8)
     axes = figure.subplots()
     layers = [(each, growth) for each, growth in found if each.setting.scene.inclusion]
     if layers:
         own = np.array([each.setting.scene.inclusion[0].density for each, _ in layers])
         densities = np.linspace(0.9 * own.min(), 1.04 * own.max(), 25)
         axes.plot(densities, layers[0][0].over(densities), color="black", label="second order, layers")
-        axes.plot(own, [growth for _, growth in layers], "o", color="tab:orange", label="LAMMPS")
+        axes.plot(own, [growth for _, growth in layers], "o", color="C1", label="LAMMPS")
     axes.axhline(UNIFORM, color="0.6", linestyle="--", label="uniform crystal, on its resonance")
     axes.set_ylim(0, 0.4)
     axes.set_xlabel("density of every second row (kg/m³)")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cases.runner import script
 from granular_analysis.measure.imaging import Shot, Sought
 from granular_analysis.measure.traces import Traces
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import letter, page
 from granular_analysis.theory.imaging import Image, widths
 from granular_analysis.tools.image import draw_map
 from granular_lmp.runs.record import Record, Scene
@@ -122,24 +122,25 @@ def table(found: Sequence[Found]) -> str:
 
 def draw(found: Sequence[Found]) -> Figure:
     """Return the flaws and the images beside them, on one scale of colours."""
-    figure = Figure(figsize=(10, 5.4), layout="compressed")
-    panels = figure.subplots(2, 4).ravel()
+    figure = page(6.6)
+    panels = figure.subplots(3, 3).ravel()
+    panels[-1].set_axis_off()
     shown = [("the sheet", found[0].truth), *((each.title, each.image.values) for each in found)]
     for axes, (name, values), each in zip(panels, shown, [found[0], *found], strict=False):
         drawn = draw_map(axes, each.sought, values)
         drawn.set_clim(0.8, 1.2)
         axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
-        axes.set_title(name, fontsize=9)
-    width = panels[-1]
+        axes.set_title(name)
+    width = panels[-2]
     for each in found[:4]:
         resolved, _ = each.image.resolution()
         own = np.diag(resolved) > SEEN
         spheres = widths(resolved, len(own) / len(each.sought.first.network.position), 2)[own]
         width.hist(spheres, bins=np.linspace(0, 8, 33), histtype="step", label=each.title)
-    width.set(xlabel="width of an image, spheres", ylabel="contacts", box_aspect=1)
-    width.legend(fontsize=8, frameon=False, handlelength=1)
-    figure.colorbar(drawn, ax=panels.tolist(), label="factor of the normal stiffness", shrink=0.6, extend="both")
-    letter(panels)
+    width.set(xlabel="width of an image (spheres)", ylabel="contacts", box_aspect=1)
+    width.legend(handlelength=1)
+    figure.colorbar(drawn, ax=panels[-1], label="factor of the\nnormal stiffness", fraction=0.15, extend="both")
+    letter(panels[:-1])
     return figure
 
 

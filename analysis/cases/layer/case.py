@@ -14,6 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from cases.layer.monolayer import Layer
 from cases.runner import script
+from granular_analysis.plotting import page
 from granular_analysis.theory.crystal import Crystal
 from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
@@ -88,7 +89,7 @@ def draw(found: Measured) -> Figure:
     size = crystal.mass[0] * np.abs(modes.shapes[..., 0, :]) ** 2
     shares = np.stack([size[..., 2], size[..., :2].sum(axis=-1), size[..., 3:].sum(axis=-1)], axis=-1)
     colours = np.clip(shares / shares.sum(axis=-1, keepdims=True) @ np.array(list(MOTIONS.values())), 0, 1)
-    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    figure = page(4.4)
     axes = figure.subplots()
     for branch in range(modes.frequencies.shape[1]):
         axes.scatter(numbers, modes.frequencies[:, branch] / MEGAHERTZ, 9, colours[:, branch], linewidths=0)
@@ -97,7 +98,7 @@ def draw(found: Measured) -> Figure:
     for name, colour in MOTIONS.items():
         axes.plot([], [], ".", color=colour, markersize=9, label=name)
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel="frequency (MHz)", xlim=(0, edge), ylim=(0, None))
-    axes.legend(loc="lower right", frameon=False, ncols=2)
+    axes.legend(loc="lower right", ncols=2)
     return figure
 
 

@@ -31,6 +31,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from cases.runner import POISSON_RATIO, script
+from granular_analysis.plotting import page
 from granular_analysis.theory.bloch import branch_index, hexagonal, real_modes
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.second_order import Mixed, branch_of
@@ -77,7 +78,7 @@ def draw(contact: Contact) -> Figure:
     """Return the figure of the three maps for contacts of the secant law."""
     k = wave_vectors(POINTS)
     (fundamental, _), (doubled, _) = (real_modes(each, contact) for each in (k, 2.0 * k))
-    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    figure = page(3.3)
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
     angles = np.deg2rad(np.arange(0, 360, 60))
     zone = CORNER * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -102,19 +103,19 @@ def draw(contact: Contact) -> Figure:
                 targets.add(target)
         for name, place, offset in (("Γ", (0, 0), (5, 4)), ("M", (0, EDGE), (6, 3)), ("K", (CORNER, 0), (5, -3))):
             panel.plot(*place, "o", color="black", markersize=4, markeredgecolor="white", clip_on=False, zorder=4)
-            panel.annotate(name, place, offset, textcoords="offset points", fontsize=11, path_effects=HALO, zorder=4)
+            panel.annotate(name, place, offset, textcoords="offset points", path_effects=HALO, zorder=4)
         panel.set(
-            title=f"fundamental: {BRANCHES[branch]} branch\n({names_along_y(branch, contact)} on Γ–M)",
-            xlim=(-1.2 * CORNER, 1.2 * CORNER),
-            ylim=(-1.2 * EDGE, 1.2 * EDGE),
+            title=f"{BRANCHES[branch]} branch\n({names_along_y(branch, contact)} on Γ–M)",
+            xlim=(-1.35 * CORNER, 1.35 * CORNER),
+            ylim=(-1.45 * EDGE, 1.45 * EDGE),
             xlabel="$k_x a$ (rad)",
         )
-    panels[0].set_ylabel("$k_y a$ (rad), $a$: lattice constant")
+    panels[0].set_ylabel("$k_y a$ (rad)")
     figure.colorbar(
         image,
         ax=panels,
         extend="both",
-        label=r"second-harmonic amplitude / ($\epsilon D_0$)",
+        label="second-harmonic\namplitude / " + r"$(\epsilon D_0)$",
         fraction=0.03,
         pad=0.01,
         aspect=25,
@@ -124,8 +125,6 @@ def draw(contact: Contact) -> Figure:
         [rf"resonance: $2\Omega(k)$ meets the {BRANCHES[target]} branch at $2k$" for target in sorted(targets)],
         title=rf"$\nu$ = {contact.poisson_ratio:g}, solid spheres",
         loc="outside lower center",
-        ncols=3,
-        frameon=False,
     )
     return figure
 

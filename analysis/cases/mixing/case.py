@@ -29,13 +29,14 @@ from numpy.typing import NDArray
 
 from cases.map.case import BRANCHES, CORNER, EDGE, wave_vectors
 from cases.runner import POISSON_RATIO, script
+from granular_analysis.plotting import page
 from granular_analysis.theory.bloch import branch_index, pair_of, wavevector_of
 from granular_analysis.theory.contact import Contact
 
 Floats = NDArray[np.float64]
 Tone = tuple[Floats, int]  # a wave vector, and its branch
 POINTS = 240  # per axis; even, so that Γ, where all of a static wave is 0/0, falls between grid points
-COLOURS: Final = ("tab:blue", "black", "tab:red")  # by the branch that grows, lower to upper
+COLOURS: Final = ("C0", "black", "C3")  # by the branch that grows, lower to upper
 SHOWN = (0.01, 0.03, 0.1)  # rates of the legend
 SIGNS: Final[dict[Literal[1, -1], str]] = {1: "sum", -1: "difference"}
 
@@ -106,7 +107,7 @@ def table(found: Found) -> str:
 def draw(found: Found) -> Figure:
     """Return the figure of the partners of one wave."""
     branches = sorted({branch for _, branch in found.partners})
-    figure = Figure(figsize=(3.4 * len(branches) + 0.4, 7.6), layout="constrained")
+    figure = page(5.6)
     panels = figure.subplots(2, len(branches), sharex=True, sharey=True)
     for row, name in zip(panels, SIGNS.values(), strict=True):
         for branch, panel in zip(branches, row, strict=True):
@@ -121,14 +122,14 @@ def draw(found: Found) -> Figure:
                 )
                 panel.add_collection(drawn)
                 drawn.set_clip_path(panel.patches[0])
-            panel.set_title(f"{name} with the {BRANCHES[branch]} branch", fontsize="medium")
+            panel.set_title(f"{name} with the\n{BRANCHES[branch]} branch")
         row[0].set_ylabel("$k_y a$ of the second wave (rad)")
     for panel in panels[-1]:
-        panel.set_xlabel("$k_x a$ of the second wave (rad)")
+        panel.set_xlabel("$k_x a$ of the second\nwave (rad)")
     keys = [(COLOURS[branch], 2.0, f"makes the {BRANCHES[branch]} branch") for branch in branches]
     keys += [("0.4", float(width(rate)), rf"at the rate {rate:g} $D_0/\Delta_0$ per $\tau$") for rate in SHOWN]
     handles = [Line2D([], [], color=colour, linewidth=points, label=label) for colour, points, label in keys]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
     figure.suptitle(found.title)
     return figure
 
@@ -141,9 +142,9 @@ def _zone(panel: Axes, first: Tone) -> None:
     )
     for name, place in (("Γ", (0.0, 0.0)), ("M", (0.0, EDGE)), ("K", (CORNER, 0.0))):
         panel.plot(*place, ".", color="0.4", markersize=4, clip_on=False)
-        panel.annotate(name, place, (4, 2), textcoords="offset points", color="0.4", fontsize=9)
-    panel.plot(*np.asarray(first[0]), "*", color="tab:orange", markersize=12, markeredgecolor="black", zorder=5)
-    panel.set(xlim=(-1.12 * CORNER, 1.12 * CORNER), ylim=(-1.12 * EDGE, 1.12 * EDGE), aspect="equal")
+        panel.annotate(name, place, (4, 2), textcoords="offset points", color="0.4")
+    panel.plot(*np.asarray(first[0]), "*", color="C1", markersize=12, markeredgecolor="black", zorder=5)
+    panel.set(xlim=(-1.3 * CORNER, 1.3 * CORNER), ylim=(-1.3 * EDGE, 1.3 * EDGE), aspect="equal")
 
 
 WAVE = {

@@ -27,6 +27,7 @@ from cases.fields import component, fields_of, in_frame, rest_of
 from cases.pairs import by_wave
 from cases.runner import script
 from granular_analysis.measure.norms import relative_error
+from granular_analysis.plotting import page
 from granular_analysis.theory.bloch import branch_index, in_plane, wavevector_of
 from granular_analysis.theory.catalogue import HELD as WALLS
 from granular_analysis.theory.catalogue import HOLDS, JKR
@@ -41,7 +42,7 @@ HELD = HOLDS["second-order"] - WALLS - {JKR}  # traits of a run that the general
 SILENT = 1e-3  # less than this share of the largest component is zero by symmetry
 BOUND = 1e-2  # drawn: the relative error is to stay below it
 # Told apart by marker and dashes without colour
-COMPONENTS = {"p": ("black", "o", "-"), "q": ("tab:red", "s", "--"), "phi": ("tab:blue", "^", "-.")}
+COMPONENTS = {"p": ("black", "o", "-"), "q": ("C3", "s", "--"), "phi": ("C0", "^", "-.")}
 AXES = (r"$\Gamma$K ($x$)", r"$\Gamma$M", r"$\Gamma$K", r"$\Gamma$M ($y$)")  # every 30 degrees
 LABELS = {"p": "$p$, along $k$", "q": "$q$, across $k$", "phi": r"$\varphi = R\theta$"}
 
@@ -159,25 +160,25 @@ def draw(runs: Measured) -> Figure:
     """
     made, records = runs
     names = [name for name in ("TR", "RT", "L") if any(each.mode == name for each in made)]
-    figure = Figure(figsize=(1.2 + 3.4 * len(names), 6.0), layout="constrained")
+    figure = page(4.8)
     panels = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 1))
     amplitude, wavenumber = records[0].scene.amplitude, float(np.mean([each.wavenumber for each in made]))
     lowest, highest = (limit(each.error for each in made) for limit in (min, max))
     for name, above, below in zip(names, *panels, strict=True):
         these = [each for each in made if each.mode == name]
         _strengths(above, these, wavenumber, _wave(records, name))
-        above.set_title(name, fontsize="medium")
+        above.set_title(name)
         below.semilogy([each.direction for each in these], [each.error for each in these], "ko", markersize=3.5)
         below.axhline(BOUND, color="black", linewidth=0.8, linestyle=":")
-        below.set(xlabel="direction of the wave (degrees)", ylim=(min(1e-5, lowest / 2), max(3e-2, 2 * highest)))
+        below.set(xlabel="direction (degrees)", ylim=(min(1e-5, lowest / 2), max(3e-2, 2 * highest)))
         below.set_xticks(
-            range(0, 91, 30), [rf"{angle}, {axis}" for angle, axis in zip(range(0, 91, 30), AXES, strict=True)]
+            range(0, 91, 30), [f"{angle}\n{axis}" for angle, axis in zip(range(0, 91, 30), AXES, strict=True)]
         )
-    panels[0, 0].set(ylabel="second harmonic, rms over the run ($D_0$)")
+    panels[0, 0].set(ylabel="second harmonic,\nrms over the run ($D_0$)")
     panels[1, 0].set(ylabel="relative error")
     panels[1, 0].text(0.02, BOUND * 1.15, f"{BOUND:.0%}", transform=panels[1, 0].get_yaxis_transform())
     entries = panels[0, 0].get_legend_handles_labels()
-    figure.legend(*entries, loc="outside lower center", ncols=2 * len(names), frameon=False)
+    figure.legend(*entries, loc="outside lower center", ncols=3)
     figure.suptitle(
         "plane waves in LAMMPS"
         + (", " if len(names) > 1 else "\n")

@@ -20,11 +20,11 @@ from matplotlib.figure import Figure
 from cases.onset.onset import Event, Onset, onset
 from cases.runner import script
 from granular_analysis.measure.runs import all_but
-from granular_analysis.plotting import SILICA
+from granular_analysis.plotting import SILICA, legend_above, page
 from granular_lmp.runs.record import Record
 
 MARKERS = {"running": ("o", 4), "standing": ("s", 6), "pulse": ("^", 8)}  # with its size, in points
-COLOURS = ("tab:blue", "black", "tab:orange", "tab:green", "tab:red")  # by Poisson's ratio
+COLOURS = ("C0", "black", "C1", "C2", "C3")  # by Poisson's ratio
 SHOWN = 0.8  # the second harmonic is drawn for the running wave whose wave number is nearest to this
 
 
@@ -82,7 +82,7 @@ def draw(runs: Measured) -> Figure:
     Raises ValueError for runs without sliding of several frictions, and runs with sliding that differ in more than it.
     """
     records, found = runs
-    figure = Figure(figsize=(10.0, 7.0), layout="constrained")
+    figure = page(6.2)
     (opens, slides), (beyond, rubbed) = figure.subplots(2, 2)
     _map(opens, found, "opening", "(a) contacts open")
     frictions = sorted({run.scene.effects.friction for own in waves(records).values() for run in own})
@@ -91,6 +91,7 @@ def draw(runs: Measured) -> Figure:
     _map(slides, found, "sliding", f"(b) contacts slide, friction {frictions[0]:g}")
     _beyond(beyond, records)
     _frictions(rubbed, records)
+    figure.legend(*opens.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
 
@@ -115,7 +116,6 @@ def _map(axes: Axes, found: Sequence[Point], event: Event, title: str) -> None:
     axes.plot([], [], color="grey", linewidth=0.8, label="linear rule")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"amplitude $D_0/\Delta_0$", title=title)
     axes.set(xlim=(0, np.pi), ylim=(0, None))
-    axes.legend(frameon=False, fontsize="small")
 
 
 def _beyond(axes: Axes, records: Sequence[Record]) -> None:
@@ -129,15 +129,16 @@ def _beyond(axes: Axes, records: Sequence[Record]) -> None:
     axes.semilogy(amplitudes[~opened], largest[~opened], "o", color="black", markersize=4, label="contacts stay closed")
     axes.semilogy(amplitudes[opened], largest[opened], "o", color="black", mfc="white", markersize=4, label="some open")
     axes.set(xlabel=r"amplitude $a=D_0/\Delta_0$", ylabel=r"$\max|p|\,/\,aD_0$")
-    axes.set_title(rf"(c) the wave that is generated, $\xi$ = {wave[2]:.3f}, $\nu$ = {wave[1]:g}")
-    axes.legend(frameon=False, fontsize="small")
+    axes.set_title(rf"(c) generated wave, $\xi$ = {wave[2]:.3f}, $\nu$ = {wave[1]:g}", loc="left")
+    legend_above(axes, 2)
 
 
 def _frictions(axes: Axes, records: Sequence[Record]) -> None:
     """Draw what is left of the fundamental at the end, and the largest |p|, over the friction."""
     runs = [run for run in records if run.info["effects"]["sliding"]["on"]]
     runs.sort(key=lambda run: float(run.scene.effects.friction))
-    axes.set(xlabel="friction", ylabel=r"of $D_0$", title="(d) contacts that slide")
+    axes.set(xlabel="friction", ylabel=r"amplitude ($D_0$)")
+    axes.set_title("(d) contacts that slide", loc="left")
     if not runs:
         axes.text(0.5, 0.5, "no runs with sliding", ha="center", transform=axes.transAxes)
         return
@@ -146,14 +147,12 @@ def _frictions(axes: Axes, records: Sequence[Record]) -> None:
     frictions = [float(run.scene.effects.friction) for run in runs]
     period = 2 * np.pi / runs[0].info["frequency"]
     last = [np.abs(run.q[run.tau > run.tau[-1] - period]).max() for run in runs]
-    axes.semilogx(
-        frictions, last, "o-", markersize=4, linewidth=0.8, color="tab:blue", label=r"$|q|$ in the last period"
-    )
+    axes.semilogx(frictions, last, "o-", markersize=4, linewidth=0.8, color="C0", label=r"$|q|$ in the last period")
     largest = [np.abs(run.p).max() for run in runs]
     axes.semilogx(frictions, largest, "o-", markersize=4, linewidth=0.8, color="black", label=r"$\max|p|$")
     scene = runs[0].scene
-    axes.set_title(rf"(d) contacts that slide, $a$ = {scene.amplitude:g}, $\xi$ = {scene.wavenumber:.3f}")
-    axes.legend(frameon=False, fontsize=8)
+    axes.set_title(rf"(d) sliding, $a$ = {scene.amplitude:g}, $\xi$ = {scene.wavenumber:.3f}", loc="left")
+    legend_above(axes, 2)
 
 
 def measure(runs: Sequence[Record]) -> Measured:

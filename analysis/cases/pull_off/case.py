@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from cases.pull_off.jkr import PARTS, TOUCH, Contact, Parting
 from cases.runner import script
-from granular_analysis.plotting import COLOURS, letter
+from granular_analysis.plotting import COLOURS, letter, page
 
 Floats = NDArray[np.float64]
 POINTS = 60  # records of a loop that are drawn, about
@@ -124,14 +124,14 @@ def read(folders: Sequence[str]) -> list[Collision]:
 
 def draw(collisions: Sequence[Collision]) -> Figure:
     """Return the two panels."""
-    figure = Figure(figsize=(9.5, 3.9), layout="constrained")
+    figure = page(3.5)
     left, right = figure.subplots(1, 2)
     _loop(left, collisions)
     _restitution(right, collisions)
     letter((left, right))
     for axes in (left, right):
         axes.grid(alpha=0.3)
-        axes.legend(fontsize="small", frameon=False)
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -164,12 +164,15 @@ def _loop(axes: Axes, collisions: Sequence[Collision]) -> None:
         )
     snap = -float(contact.force(contact.rest_radius * TOUCH ** (2 / 3)))
     axes.annotate("", (0, -snap / unit), (0, 0), arrowprops={"arrowstyle": "->", "color": "black"})
-    axes.text(0.04, -0.35, "snap-in", fontsize="small")
-    ends: dict[Parting, tuple[float, str]] = {"load": (1.0, "LAMMPS\nlets go"), "distance": (5 / 9, "JKR lets go")}
-    for parting, (share, words) in ends.items():
+    axes.text(0.04, -0.35, "snap-in")
+    ends: dict[Parting, tuple[float, str, float]] = {
+        "load": (1.0, "LAMMPS\nlets go", 0.15),
+        "distance": (5 / 9, "JKR\nlets go", 0.03),
+    }
+    for parting, (share, words, aside) in ends.items():
         place = -contact.pull_off_distance(parting) / length
         axes.annotate("", (place, 0), (place, -share), arrowprops={"arrowstyle": "->", "color": "grey"})
-        axes.text(place, 0.06, words, fontsize="small", ha="center", color="grey")
+        axes.text(place + aside, 0.06, words, ha="center", color="grey")
     axes.axhline(0, color="black", linewidth=0.6)
     axes.set(xlabel=r"overlap / $\delta_0$", ylabel="force / largest pull", xlim=(-1.05, 1.6), ylim=(-1.5, 1.6))
 

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from scipy.optimize import minimize_scalar
 
 from cases.runner import script
+from granular_analysis.plotting import page
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.mode import FULL, Mode
 from granular_lmp.crystal.modes import MODES, bloch_mode
@@ -111,7 +112,7 @@ def table(runs: Sequence[Record]) -> str:
 def draw(runs: Sequence[Record], wavenumbers: Sequence[float] = WAVENUMBERS) -> Figure:
     """Return the figure of runs over theory for their spheres."""
     sphere = runs[0].scene.sphere
-    drawing = Figure(figsize=(9.0, 3.6), layout="constrained")
+    drawing = page(3.4)
     panels = drawing.subplots(1, len(MODES), sharey=True)
     for panel, name in zip(panels, MODES, strict=True):
         for place, rows in enumerate(THICKNESSES):
@@ -122,7 +123,7 @@ def draw(runs: Sequence[Record], wavenumbers: Sequence[float] = WAVENUMBERS) -> 
             colour = f"C{THICKNESSES.index(rows)}" if rows in THICKNESSES else "black"
             panel.plot(wavenumber, expected(run.scene), "o", color=colour, markersize=7, fillstyle="none")
             panel.plot(wavenumber, measured(run), ".", color="black", markersize=4)
-        panel.set(title=f"{_TITLES[name]} ({name})", xlabel=r"$\xi$ (rad per row)", yscale="log", ylim=(1e-6, 1))
+        panel.set(title=f"{_TITLES[name]}\n({name})", xlabel=r"$\xi$ (rad per row)", yscale="log", ylim=(1e-6, 1))
     panels[0].set_ylabel(r"reflection $|r|$")
     ring = Line2D(
         [],
@@ -136,7 +137,7 @@ def draw(runs: Sequence[Record], wavenumbers: Sequence[float] = WAVENUMBERS) -> 
     )
     dot = Line2D([], [], marker=".", markersize=4, label="LAMMPS", linestyle="none", color="black")
     lines, _ = panels[0].get_legend_handles_labels()
-    drawing.legend(handles=[*lines, ring, dot], loc="outside lower center", ncols=6, fontsize=8)
+    drawing.legend(handles=[*lines, ring, dot], loc="outside lower center", ncols=3)
     return drawing
 
 

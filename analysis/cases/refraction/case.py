@@ -20,7 +20,7 @@ from cases.runner import script
 from cases.solitary import scattering
 from cases.strikes import recorded, require
 from granular_analysis.measure.strikes import Sites
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import legend_above, letter, page
 from granular_lmp.runs.record import Record
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)
@@ -62,7 +62,7 @@ def measured(record: Record) -> tuple[float, FrontsAtInterface]:
 
 def draw(runs: Sequence[tuple[float, FrontsAtInterface]]) -> Figure:
     """Return the panels: angles over incidence, heights over the mass."""
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    figure = page(3.5)
     angles, heights = figure.subplots(1, 2)
     for number, mass in enumerate(sorted({mass for mass, _ in runs})):
         _angles(angles, [each for other, each in runs if other == mass], mass, f"C{number}")
@@ -78,17 +78,17 @@ def draw(runs: Sequence[tuple[float, FrontsAtInterface]]) -> Figure:
         heights.semilogx(MASSES[where], np.array(rule)[where], ":", color=colour)
     for mass, each in runs:
         if each.incidence == 0:
-            heights.plot(mass, each.transmitted.height / each.incident.height, "o", color="tab:red", markersize=4)
+            heights.plot(mass, each.transmitted.height / each.incident.height, "o", color="C3", markersize=4)
             if each.reflected:
                 back = each.reflected.height / each.incident.height
-                heights.plot(mass, back, "o", color="tab:red", markerfacecolor="none", markersize=4)
+                heights.plot(mass, back, "o", color="C3", markerfacecolor="none", markersize=4)
     heights.set_xticks([1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8], ["1/8", "1/4", "1/2", "1", "2", "4", "8"], minor=False)
     heights.set_xticks([], minor=True)
     heights.set(xlabel="mass beyond / before", ylabel="height / that of the incoming wave")
     letter((angles, heights))
     for axes in (angles, heights):
         axes.grid(alpha=0.3)
-    angles.legend(frameon=False, fontsize="small")
+    legend_above(angles, 2)
     return figure
 
 

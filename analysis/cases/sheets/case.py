@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from cases.fields import ROW, Sheet, field_of, fields_of, in_frame, rest_of
 from cases.runner import script
 from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.plotting import page
 from granular_analysis.theory.bloch import RECIPROCAL
 from granular_analysis.theory.catalogue import ENVELOPE, HOLDS, NO_ROTATION, NO_SHEAR, STANDING
 from granular_analysis.theory.catalogue import HELD as WALLS
@@ -139,7 +140,7 @@ def draw(c: Comparison, snapshot: int = -1) -> Figure:
     scales = np.abs(fields[0][:, first]).max(), np.abs([f[:, second] for f in fields[1:]]).max()
     tall = c.sheet.rows * ROW / c.sheet.columns
     height = 2.8 * float(np.clip(tall, 0.5, 2.0)) + 1.3
-    figure = Figure(figsize=(9.5, height + 2.6), layout="constrained")
+    figure = page(0.7 * height + 2.4)
     grid = figure.add_gridspec(2, 1, height_ratios=[height, 2.6])
     above, below = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
     panels = above.subplots(1, 3, sharex=True, sharey=True)
@@ -167,7 +168,7 @@ def draw(c: Comparison, snapshot: int = -1) -> Figure:
         axes.semilogy(c.tau[1:], relative(theory, run, (1, 2))[1:], style, label=label)
     axes.axvline(c.tau[snapshot], color="grey", linewidth=0.8)
     axes.set(xlabel=r"time $\tau$ (grey: that of the maps)", ylabel="relative error")
-    below.legend(loc="outside right center", frameon=False, fontsize="small")
+    below.legend(loc="outside right center")
     k = f"k = ({c.wavevector[0]:.3g}, {c.wavevector[1]:.3g}) per lattice constant"
     above.suptitle(rf"LAMMPS and theory, $a = D_0/\Delta_0$ = {c.amplitude:g}, {k}, $\tau$ = {c.tau[snapshot]:g}")
     return figure

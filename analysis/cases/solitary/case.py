@@ -25,7 +25,7 @@ from cases.solitary.chain_motion import peak
 from cases.solitary.scattering import impurity
 from cases.solitary.travelling import long_wave_speed, solitary_wave, sound
 from cases.strikes import recorded, require, rest_overlap
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import legend_above, letter, page
 from granular_lmp.runs.record import Record
 
 STEADY = 1e-3  # relative
@@ -74,7 +74,7 @@ def table(fronts: Mapping[str, Front]) -> str:
 
 def draw(fronts: Mapping[str, Front]) -> Figure:
     """Return the three panels."""
-    figure = Figure(figsize=(11.0, 3.8), layout="constrained")
+    figure = page(3.6)
     panels = list(figure.subplots(1, 3))
     _shape(panels[0])
     _speed(panels[1], list(fronts.values()))
@@ -82,7 +82,7 @@ def draw(fronts: Mapping[str, Front]) -> Figure:
     letter(panels)
     for axes in panels:
         axes.grid(alpha=0.3)
-        axes.legend(fontsize="small", frameon=False)
+        legend_above(axes)
     return figure
 
 
@@ -91,7 +91,7 @@ def _shape(axes: Axes) -> None:
     axes.plot(places, wave.at(places)[0] / wave.largest_overlap, color="black", label="exact")
     # Nesterenko's compacton: cos⁴(√(2/5) s) within one arch
     long = np.where(np.abs(places) < np.pi / 2 * np.sqrt(2.5), np.cos(np.sqrt(0.4) * places) ** 4, 0.0)
-    axes.plot(places, long, "--", color="tab:red", label="long waves")
+    axes.plot(places, long, "--", color="C3", label="long waves")
     contacts = np.arange(-4, 5)
     axes.plot(contacts, wave.at(contacts)[0] / wave.largest_overlap, "o", color="black", markersize=4)
     axes.set(xlabel="contact $n - Vt$", ylabel=r"overlap / largest", xlim=(-4.5, 4.5))
@@ -101,8 +101,8 @@ def _speed(axes: Axes, fronts: Sequence[Front]) -> None:
     unit = sound(1.0, 1.0, 1.0)
     crests = np.array([solitary_wave(ratio * unit, rest=1.0).largest_overlap for ratio in RATIOS])
     axes.loglog(crests, RATIOS - 1, color="black", label="exact")
-    axes.loglog(crests, crests / 12, ":", color="tab:blue", label="KdV")
-    axes.loglog(crests, long_wave_speed(1 + crests) - 1, "--", color="tab:red", label="long waves")
+    axes.loglog(crests, crests / 12, ":", color="C0", label="KdV")
+    axes.loglog(crests, long_wave_speed(1 + crests) - 1, "--", color="C3", label="long waves")
     alone = 0.9055157764 * crests**0.25 / unit - 1
     axes.loglog(crests[alone > 0.1], alone[alone > 0.1], "-.", color="grey", label="no compression")
     for steady, face in ((True, "black"), (False, "white")):
@@ -116,9 +116,9 @@ def _speed(axes: Axes, fronts: Sequence[Front]) -> None:
 def _shares(axes: Axes) -> None:
     found = [impurity(mass) for mass in MASSES]
     axes.semilogx(MASSES, [one.transmitted for one in found], color="black", label="beyond")
-    axes.semilogx(MASSES, [one.reflected for one in found], color="tab:red", label="reflected")
+    axes.semilogx(MASSES, [one.reflected for one in found], color="C3", label="reflected")
     axes.semilogx(MASSES, [one.velocity**2 for one in found], ":", color="black", label="beyond, first wave")
-    axes.set(xlabel="mass of the impurity / mass of a sphere", ylabel="share of the energy")
+    axes.set(xlabel="mass of the impurity\n(mass of a sphere)", ylabel="share of the energy")
 
 
 def measure(records: Sequence[Record]) -> dict[str, Front]:

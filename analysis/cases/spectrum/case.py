@@ -26,7 +26,7 @@ from cases.spectrum.points import (
     point,
     refusal,
 )
-from granular_analysis.plotting import COLOURS
+from granular_analysis.plotting import COLOURS, page
 from granular_analysis.theory.choice import wave_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance
@@ -104,7 +104,7 @@ def draw(found: Measured) -> Figure:
     """Draw the amplitude of each mode over the wave number, runs on theory; below, deviations and standard errors."""
     points, records = found
     families = by_mode(points)
-    figure = Figure(figsize=(1.0 + 3.6 * len(families), 6.2), layout="constrained")
+    figure = page(5.0)
     panels = figure.subplots(2, len(families), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 1.2))
     for (name, these), above, below in zip(families.items(), *panels, strict=True):
         _theory(above, _wave(records, name))
@@ -117,8 +117,8 @@ def draw(found: Measured) -> Figure:
         below.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi))
     panels[0, 0].set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", ylim=(3e-6, 300))
     panels[1, 0].set(ylabel="relative deviation", ylim=(1e-7, 1))
-    panels[0, 0].legend(frameon=False, fontsize="small", loc="upper left")
-    panels[1, 0].legend(frameon=False, fontsize="small", loc="upper left", ncols=3, columnspacing=1, handlelength=1.5)
+    handles = panels[0, 0].get_legend_handles_labels()[0] + panels[1, 0].get_legend_handles_labels()[0][1:]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
     end, amplitude = max(record.tau[-1] for record in records), records[0].scene.amplitude
     figure.suptitle(
         "second harmonic in LAMMPS"
@@ -132,7 +132,7 @@ def _theory(axes: Axes, wave: Wave) -> None:
     name, xis = wave.mode.name, np.linspace(0.02, np.pi - 0.02, 4000)
     theory = np.abs(generated(name, xis, wave.contact) / nonlinearity(wave.contact, 1.0))
     axes.semilogy(xis, theory, color=COLOURS[name], linewidth=1, label="theory")
-    axes.set_title(f"{name}, {TITLES[name]}", fontsize="medium")
+    axes.set_title(f"{name}, {TITLES[name]}")
 
 
 def _amplitudes(axes: Axes, points: Sequence[Point], colour: str) -> None:

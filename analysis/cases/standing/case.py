@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from cases.rows import Rows, echo, load_form
 from cases.runner import script
 from granular_analysis.measure.norms import relative_error
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import letter, page
 from granular_analysis.theory.choice import wave_of
 from granular_analysis.theory.second_order import Mixed, started, together
 from granular_analysis.theory.wave import Wave
@@ -30,7 +30,8 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 HARMONIC = "second harmonic"
-COLOURS = ("tab:blue", "tab:orange", "tab:green")
+COLOURS = ("C0", "C1", "C2")
+NAMES = {"p": "$p$", "q": "$q$", "phi": r"$\varphi$"}
 
 
 def standing(wave: Wave, tau: ArrayLike, row: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -111,15 +112,14 @@ def compare(record: Record, rows: Rows) -> Comparison:
 
 def draw(found: Comparison) -> Figure:
     """Draw the fundamental and the second harmonic over the rows at three times; below, what is left."""
-    figure = Figure(figsize=(7.5, 7), layout="constrained")
+    figure = page(5.8)
     panels = list(figure.subplots(3, 1, sharex=True, height_ratios=[3, 3, 2]))
     fundamental = "p" if found.wave.mode.name == "L" else "q"
     _over_rows(panels, found, [fundamental, HARMONIC])
-    errors = ",  ".join(f"{key} {value:.1e}" for key, value in found.errors().items())
+    errors = ",  ".join(f"{NAMES.get(key, key)} {value:.1e}" for key, value in found.errors().items())
     figure.suptitle(
-        rf"standing {found.wave.mode.name}, $\xi$ = {found.wave.mode.wavenumber:.4g}, $a$ = {found.wave.amplitude:g}; "
-        f"relative errors: {errors}",
-        fontsize="medium",
+        rf"standing {found.wave.mode.name}, $\xi$ = {found.wave.mode.wavenumber:.4g}, $a$ = {found.wave.amplitude:g}"
+        f"\nrelative errors: {errors}",
     )
     letter(panels)
     labels = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$"}[fundamental], r"$p_{\rm SH}$", r"|error| of $p_{\rm SH}$"
@@ -132,7 +132,7 @@ def draw(found: Comparison) -> Figure:
     panels[2].xaxis.set_major_locator(MaxNLocator(integer=True))
     # Outside the panels, where no curve is covered
     handles = panels[0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False, title="dots: run, lines: theory")
+    figure.legend(*handles, loc="outside lower center", ncols=3, title="dots: run, lines: theory")
     return figure
 
 

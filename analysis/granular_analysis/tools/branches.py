@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.measure.found_lattice import FoundLattice, found_lattice
 from granular_analysis.measure.spectral_density import density, peaks, projected
-from granular_analysis.plotting import in_one_line, parser, save, write_csv
+from granular_analysis.plotting import in_one_line, page, parser, save, write_csv
 from granular_lmp.runs.unnamed import Unnamed
 
 Floats = NDArray[np.float64]
@@ -179,7 +179,7 @@ def table(found: Branches, in_si: bool) -> str:
 
 def draw(found: Branches, title: str, in_si: bool) -> Figure:
     """Return the figure of the spectral density, each wave number in units of its largest."""
-    figure = Figure(figsize=(6.5, 4.5), layout="constrained")
+    figure = page(4.4)
     axes = figure.subplots()
     shown = found.power / found.power.max(axis=1, keepdims=True).clip(_SILENT)
     mesh = axes.pcolormesh(
@@ -190,7 +190,7 @@ def draw(found: Branches, title: str, in_si: bool) -> Figure:
     top = float(found.rows[:, 1].max(initial=found.resolution))
     axes.set(xlabel=f"wave number ({'rad/m' if in_si else 'lj'})", ylabel=f"frequency ({'Hz' if in_si else 'lj'})")
     axes.set(ylim=(0, 1.15 * top))
-    axes.set_title(f"{title}: red moves along the wave, blue across it", fontsize="medium")
+    axes.set_title(f"{title}: red moves along the wave, blue across it")
     figure.colorbar(mesh, label="spectral density, of the largest at each wave number")
     return figure
 

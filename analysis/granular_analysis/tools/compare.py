@@ -355,27 +355,27 @@ def figure(record: Record, comparison: Comparison) -> "Figure":
     runs, signals = recorded(record), dict(zip(signals_of(record), c.signals, strict=True))
     # A signal that is zero by symmetry would fill two panels with rounding
     drawn = {name: values for name, values in signals.items() if c.error.get(name, 0.0) is not None} or signals
-    high = 7.0 * len(drawn) / 3
-    result = Figure(figsize=(7.5, high))
-    # Fixed margins: an automatic layout draws every label twice, a quarter of the time of a comparison
-    result.subplots_adjust(left=0.13, right=0.98, bottom=0.84 / high, top=1 - 0.56 / high, hspace=0.35)
+    high = 6.3 * len(drawn) / 3
+    result = Figure(figsize=(6.3, high))
+    # Margins by hand: a layout that is sought draws every label twice, a quarter of the time of a comparison
+    result.subplots_adjust(left=0.14, right=0.97, bottom=0.84 / high, top=1 - 0.56 / high, hspace=0.35)
     panels = result.subplots(2 * len(drawn), 1, sharex=True, height_ratios=[3, 1] * len(drawn))
     for axes in panels[:-1]:  # ticks take half of the time of a drawing
         axes.xaxis.set_visible(False)
     for (signal, difference), (name, values) in zip(panels.reshape(-1, 2), drawn.items(), strict=True):
         run, theory = _liveliest(runs.get(name, np.full_like(values, np.nan)), values)
         signal.plot(record.tau, run, color="black", label="network" if by_network(record) else "LAMMPS")
-        signal.plot(record.tau, theory, color="tab:red", linestyle="--", label=c.theory)
+        signal.plot(record.tau, theory, color="C3", linestyle="--", label=c.theory)
         signal.set_ylabel(labels[name])
-        signal.set_title(_title(c.error, name), fontsize="small", pad=2, y=1.0)
+        signal.set_title(_title(c.error, name), pad=2, y=1.0)
         difference.plot(record.tau, run - theory, color="tab:grey", linewidth=0.8)
-        difference.set_ylabel("difference", fontsize=8)
-    result.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=2, frameon=False)
+        difference.set_ylabel("difference")
+    result.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=2)
     panels[-1].set_xlabel("time τ" if c.mode else "time t/t₀")
     panels[-1].margins(x=0)
     heading = "" if along_y else f" at {c.direction:g}°"
     of_wave = f": {c.mode}{heading}, ξ = {c.wavenumber:.5g}, D₀ = {c.amplitude:g} Δ₀" if c.mode else ""
-    result.suptitle(c.name + of_wave)
+    result.suptitle(c.name.replace("_", " ") + of_wave)
     return result
 
 

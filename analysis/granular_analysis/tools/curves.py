@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.measure.signals import SILENT, recorded, signals_of
 from granular_analysis.measure.swept import Swept
+from granular_analysis.plotting import page
 from granular_lmp.runs.record import Record
 
 if TYPE_CHECKING:
@@ -42,9 +43,8 @@ def figure(
     worth = [place for place in range(len(names)) if np.nanmax(theory[:, place], initial=0.0) > SILENT]
     if axis is None or not worth:
         return None
-    from matplotlib.figure import Figure
 
-    result = Figure(figsize=(6.5, 1.2 + 2.0 * len(worth)), layout="constrained")
+    result = page(0.9 + 1.7 * len(worth))
     panels = result.subplots(len(worth), 1, sharex=True, squeeze=False)[:, 0]
     others = [key for key in varied if key != axis]
     groups = [", ".join(f"{_words(key)} {varied[key][n]}" for key in others) for n in range(len(records))]
@@ -62,8 +62,8 @@ def figure(
     for panel, place in zip(panels, worth, strict=True):
         panel.set_ylabel(f"largest {labels[names[place]]}")
     panels[-1].set_xlabel(_words(axis) + _unit(axis))
-    panels[0].legend(fontsize=8, frameon=False)
-    panels[0].set_title(records[0].scene.name.replace("_", " "), fontsize="medium")
+    panels[0].legend()
+    panels[0].set_title(records[0].scene.name.replace("_", " "))
     return result
 
 

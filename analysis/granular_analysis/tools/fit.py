@@ -22,7 +22,7 @@ import numpy as np
 from granular_analysis.measure.fitting import Fit, summary
 from granular_analysis.measure.points import KINDS, TRACES, UNITS, Point, read
 from granular_analysis.measure.surface import Film, is_surface_wave
-from granular_analysis.plotting import in_one_line, letter, save, scene_of, write, write_scene
+from granular_analysis.plotting import in_one_line, letter, page, save, scene_of, write, write_scene
 from granular_analysis.theory.estimation import LOSSES, Estimate
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.cli.arguments import changes_argument
@@ -192,10 +192,8 @@ def _unit(kind: str, value: float) -> tuple[str, float]:
 
 def figure(fitted: Fitted) -> "Figure":
     """Return the figure of the points with fitted branches, or beside their predictions, and of the residuals."""
-    from matplotlib.figure import Figure
-
     fit, found = fitted.fit, fitted.found
-    drawing = Figure(figsize=(8, 3.6), layout="constrained")
+    drawing = page(3.4)
     left, right = drawing.subplots(1, 2)
     kinds = [each.kind for each in fit.points]
     if set(kinds) == {"frequency"}:
@@ -211,7 +209,7 @@ def figure(fitted: Fitted) -> "Figure":
             left.loglog(predicted[own] / size, measured, "o", label=f"{kind.replace('_', ' ')}, {unit}")
         left.axline((1, 1), slope=1, color="0.6", lw=1)
         left.set(xlabel="fitted", ylabel="measured")
-        left.legend(fontsize=8)
+        left.legend()
     right.axhspan(-2, 2, color="0.93")
     right.axhline(0, color="0.6", lw=1)
     right.plot([each.line for each in fit.points], found.residuals, "o")
@@ -234,7 +232,7 @@ def _branches(fitted: Fitted, axes: "Axes") -> None:
     axes.plot(line, hertz / size, color="0.5", lw=1)
     if any(map(is_surface_wave, fit.points)):
         guided = Film.of(setting).coupled.guided(setting.wavevector(line[1:])) / (2 * np.pi * size)
-        axes.plot(line[1:], guided, "--", color="tab:orange", lw=1)
+        axes.plot(line[1:], guided, "--", color="C1", lw=1)
     values = [each.value / size for each in fit.points]
     errors = None if fitted.found.error is not None else [(each.error or 0.0) / size for each in fit.points]
     axes.errorbar(xi, values, yerr=errors, fmt="o", ms=4)
@@ -251,7 +249,7 @@ def _records(fitted: Fitted, traces: Sequence[Sequence[int]], axes: "Axes") -> N
         largest = 2 * np.abs(values).max() or 1.0
         axes.plot(times, height + values / largest, "o", color="0.6", ms=2)
         axes.plot(times, height + predicted[list(chosen)] / largest, color=f"C{height}", lw=1)
-        axes.annotate(f"{own[0].kind} {_place(own[0])}", (times[0], height + 0.5), fontsize=7, va="center")
+        axes.annotate(f"{own[0].kind} {_place(own[0])}", (times[0], height + 0.5), va="center")
     axes.set(xlabel="time, t0", yticks=[])
 
 

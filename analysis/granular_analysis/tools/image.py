@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.measure.stepping import NetworkEngine
 from granular_analysis.measure.traces import Traces
-from granular_analysis.plotting import in_one_line, letter, save, scene_of, write_csv
+from granular_analysis.plotting import in_one_line, letter, page, save, scene_of, write_csv
 from granular_analysis.theory.imaging import WEIGHTS, Image, Trial, widths
 from granular_analysis.tools.kept import begun
 from granular_lmp.cli.arguments import changes_argument
@@ -197,16 +197,14 @@ def draw_map(axes: "Axes", sought: "Sought", values: Floats) -> "Collection":
 
 def figure(sought: "Sought", found: Image) -> "Figure":
     """Return the map with its monitors, and the curve of the penalty over χ²."""
-    from matplotlib.figure import Figure
-
-    drawing = Figure(figsize=(9, 4.2), layout="constrained")
+    drawing = page(3.3)
     left, right = drawing.subplots(1, 2, width_ratios=[1.4, 1])
     drawing.colorbar(draw_map(left, sought, found.values), ax=left, label=f"factor of {sought.of}")
     chi = [each.misfit / sought.points for each in found.trials]
     penalties = [max(each.penalty, 1e-12) for each in found.trials]
     right.loglog(chi, penalties, "o", color="0.5", markersize=4)
-    right.loglog(chi[found.chosen], penalties[found.chosen], "o", color="tab:red", label="the image")
+    right.loglog(chi[found.chosen], penalties[found.chosen], "o", color="C3", label="the image")
     right.set(xlabel="chi² a point", ylabel="penalty")
-    right.legend(frameon=False)
+    right.legend()
     letter((left, right))
     return drawing

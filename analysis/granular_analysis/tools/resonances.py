@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import in_one_line, parser, save, scene_of, write_csv
+from granular_analysis.plotting import in_one_line, page, parser, save, scene_of, write_csv
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.branches import names_of
 from granular_analysis.theory.crystal import Crystal, padded
@@ -31,7 +31,7 @@ from granular_lmp.cli.arguments import changes_argument
 
 Floats = NDArray[np.float64]
 FIELDS = ("direction", "kind", "wavenumber", "wave", "target", "frequency_Hz", "growth", "forbidden")
-COLOURS = ("tab:blue", "black", "tab:red", "tab:green", "tab:purple", "tab:brown")
+COLOURS = ("C0", "black", "C3", "C2", "C4", "C5")
 SILENT = 1e-9  # rounding of a stretch, over the stretch that opens a contact, or of a coefficient of friction
 LARGEST_DOT = 260.0  # points², of the fastest growth
 
@@ -107,7 +107,7 @@ def draw(setting: Setting, crystal: Crystal, found: Sequence[Row], degrees: floa
     along = padded(frame(degrees)[0])
     numbers = zone_edge(crystal, along) * np.arange(1, COUNT + 1) / COUNT
     waves, targets = (crystal.modes(np.outer(factor * numbers, along)).frequencies / (2e6 * np.pi) for factor in (1, 2))
-    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    figure = page(4.6)
     axes = figure.subplots()
     axes.plot(numbers / setting.unit, targets, color="0.75", linewidth=3)
     for branch in range(waves.shape[1]):
@@ -119,7 +119,7 @@ def draw(setting: Setting, crystal: Crystal, found: Sequence[Row], degrees: floa
             axes.plot(*place, "x", color="black", markersize=7)
         else:
             size = max(LARGEST_DOT * growth / most, 12.0)
-            axes.scatter(*place, size, "tab:orange" if growth else "white", edgecolors="black", zorder=5)
+            axes.scatter(*place, size, "C1" if growth else "white", edgecolors="black", zorder=5)
     axes.set_ylim(0, 1.15 * targets.max())
     axes.set_xlabel(r"wave number $\xi$ (rad per row)")
     axes.set_ylabel("twice the frequency (MHz)")
@@ -133,14 +133,14 @@ def draw(setting: Setting, crystal: Crystal, found: Sequence[Row], degrees: floa
 
 def draw_map(setting: Setting, found: Sequence[Row]) -> Figure:
     """Return the figure of growing resonances over directions."""
-    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    figure = page(4.6)
     axes = figure.subplots()
     grows = [row for row in found if row[6] > 0]
     drawn = axes.scatter([row[0] for row in grows], [row[2] for row in grows], 14, [np.log10(row[6]) for row in grows])
     figure.colorbar(drawn, label="log10 of the growth a period, D0 per a")
     axes.set_xlabel("direction (degrees from a row)")
     axes.set_ylabel(r"wave number $\xi$ (rad per row)")
-    axes.set_title(f"resonances of {setting.scene.name}", fontsize="medium")
+    axes.set_title(f"resonances of {setting.scene.name.replace('_', ' ')}")
     return figure
 
 

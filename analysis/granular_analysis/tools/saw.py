@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from granular_analysis.measure.fitting import wavevectors
 from granular_analysis.measure.points import Point, read
 from granular_analysis.measure.surface import BRANCH, SLOWEST, Film, Wave, is_surface_wave
-from granular_analysis.plotting import in_one_line, parser, save, scene_of, write_csv
+from granular_analysis.plotting import in_one_line, page, parser, save, scene_of, write_csv
 from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.surface_wave import HalfSpace
@@ -97,7 +97,7 @@ def draw(film: Film, waves: Sequence[Wave], name: str, points: Sequence[Point], 
 
     Measured points have wave numbers (N,), rad per row.
     """
-    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    figure = page(4.6)
     axes = figure.subplots()
     solid, last = film.solid, max(each.wavenumber for each in waves)
     numbers = np.linspace(last / POINTS, last, POINTS)
@@ -114,12 +114,12 @@ def draw(film: Film, waves: Sequence[Wave], name: str, points: Sequence[Point], 
         megahertz, errors = (
             1e-6 * np.array([getattr(each, name) or 0 for each in points]) for name in ("value", "error")
         )
-        axes.errorbar(numbers_of_points, megahertz, errors, fmt="o", color="tab:green", mfc="none", ms=6, zorder=3)
+        axes.errorbar(numbers_of_points, megahertz, errors, fmt="o", color="C2", mfc="none", ms=6, zorder=3)
     figure.colorbar(shown, label="share of the spheres' motion along z")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel="frequency (MHz)", xlim=(0, last))
     axes.set_ylim(0, 1e-6 * film.highest / (2 * np.pi))
     axes.set_title(
-        f"{name}: guided (large), leaking (small); Rayleigh's wave of the substrate dashed", fontsize="medium"
+        f"{name.replace('_', ' ')}: guided (large), leaking (small)\nRayleigh's wave of the substrate dashed"
     )
     return figure
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.measure.runs import load
 from granular_analysis.measure.snapshot import first_snapshot
-from granular_analysis.plotting import COLOURS, in_one_line, parser, save
+from granular_analysis.plotting import COLOURS, in_one_line, legend_above, page, parser, save
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.choice import traits_of
 from granular_analysis.theory.rows import Rows, rows_of
@@ -192,7 +192,7 @@ def draw(found: Sequence[Comparison]) -> Figure:
     """Draw the shares of each folder over frequency, with theory as lines, and below them the differences."""
     columns = min(len(found), ABREAST)
     rows = -(-len(found) // columns)
-    figure = Figure(figsize=(1.0 + 3.6 * columns, 4.8 * rows), layout="constrained")
+    figure = page(3.6 * rows)
     grid = figure.add_gridspec(2 * rows, columns, height_ratios=[3, 1.2] * rows)
     for number, each in enumerate(found):
         row, column = divmod(number, columns)
@@ -230,9 +230,9 @@ def _shares(axes: Axes, found: Comparison) -> None:
             marker, colour = _MARKERS[line.signal], COLOURS[line.mode]
             axes.plot(line.frequency, line.transmission[0], marker, color=colour, markersize=4)
             axes.plot(line.frequency, line.reflection[0], marker, color=colour, markersize=4, fillstyle="none")
-    axes.set_title(found.name, fontsize="medium")
+    axes.set_title(found.name.replace("_", " "), loc="left")
     axes.set_ylim(-0.02, 1.02)
-    axes.legend(frameon=False, fontsize=8)
+    legend_above(axes)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
