@@ -112,11 +112,12 @@ def draw(found: Found) -> Figure:
     grid = figure.add_gridspec(2, 2)
     left, middle = (figure.add_subplot(grid[0, place]) for place in (0, 1))
     right = figure.add_subplot(grid[1, :])
-    shown = left.scatter(*found.places.T, c=found.densities, s=5, cmap="viridis")
+    x, y = found.places.T
+    shown = left.scatter(x, y, c=found.densities, s=5, cmap="viridis")
     figure.colorbar(shown, ax=left, label="density / uniform density")
     left.set(aspect="equal", xlabel="$x/R$", ylabel="$y/R$")
     vectors, sizes = components(found)
-    middle.scatter(*vectors.T, s=500 * sizes, color="black", linewidth=0)
+    middle.scatter(vectors[:, 0], vectors[:, 1], s=500 * sizes, color="black", linewidth=0)
     doubled = 2 * found.wavenumber
     middle.scatter([0, 0], [doubled / 2, doubled], s=40, facecolor="none", edgecolor="C3", label="$k$ and $2k$")
     middle.set(xlabel="$k_x$ (rad per lattice constant)", ylabel="$k_y$ (rad per row)", ylim=(-0.15, 3.6))
