@@ -57,7 +57,7 @@ def test_the_figure_has_a_panel_a_mode_and_a_mark_a_run(monkeypatch: pytest.Monk
     monkeypatch.setattr(reflection, "THICKNESSES", (4, 10))
     panels = reflection.draw(runs, wavenumbers=(1.0, 1.5)).axes
     assert [panel.get_title() for panel in panels] == [
-        f"{reflection._TITLES[name]} ({name})" for name in ("L", "TR", "RT")
+        f"{reflection._TITLES[name]}\n({name})" for name in ("L", "TR", "RT")
     ]
     assert [len(panel.lines) for panel in panels] == [2, 6, 2]  # two lines; a ring and a dot of each run
     assert len(reflection.table(runs).splitlines()) == 2 + len(runs)

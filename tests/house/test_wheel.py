@@ -82,6 +82,7 @@ def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path)
         "granular_lmp/lammps/kernel/contact.cpp",
         "granular_lmp/studies/identity.json",
         "granular_analysis/theory/loops.c",
+        "granular_lmp/plot/matplotlibrc",
         "granular_lmp/plot/page.html",
     }
     for package, folder in FOLDERS.items():
@@ -174,7 +175,7 @@ def test_nothing_in_a_wheel_leads_to_a_file_that_it_lacks(built: Path) -> None:
 def test_every_script_of_analysis_has_its_name_in_the_command() -> None:
     tools = {path.stem for path in (ROOT / "analysis/granular_analysis/tools").glob("*.py")}
     cases = {path.parent.name for path in (ROOT / "analysis/cases").glob("*/case.py")}
-    assert set(scripts()) == tools - {"__init__", "curves", "design_runs"} | cases | {"case"}
+    assert set(scripts()) == tools - {"__init__", "curves", "design_runs", "kept"} | cases | {"case"}
 
 
 def test_every_command_of_the_project_is_installed(programs: Path) -> None:

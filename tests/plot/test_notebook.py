@@ -60,9 +60,9 @@ def test_the_wave_lies_on_the_branch_of_its_own_lattice(name: str) -> None:
 
 @pytest.mark.usefixtures("drawn_once")
 def test_a_deck_shows_its_text_escaped_and_its_places(shown: dict[str, Any]) -> None:
-    page = shown["deck"].edited(after={"run": "# <b>mine</b>"})._repr_html_()
-    assert "# &lt;b&gt;mine&lt;/b&gt;" in page
-    assert "<td>+ # &lt;b&gt;mine&lt;/b&gt;</td>" in page
+    page = shown["deck"].edited(after={"run": 'print "<b>mine</b>"'})._repr_html_()
+    assert "print &quot;&lt;b&gt;mine&lt;/b&gt;&quot;" in page
+    assert "<td>+ print &quot;&lt;b&gt;mine&lt;/b&gt;&quot;</td>" in page
     assert "contacts, preload, wave" in page
 
 

@@ -439,4 +439,4 @@ def test_a_curve_over_a_key_of_an_array_of_tables_has_its_unit(key: str, said: s
 def test_a_record_of_a_crystal_at_rest_is_read_back(tmp_path: Path) -> None:
     record = run(STRIP.with_values({"time.duration": 4.0}), tmp_path / "run")
     assert Record.load(tmp_path / "run").q == pytest.approx(record.q)
-    assert repr(record.scene).startswith("<Scene strip: 1 source in units of TR xi=1 a=0.001")
+    assert repr(record.scene).startswith("<Scene strip: 1 source, in units of the TR xi=1 a=0.001")
