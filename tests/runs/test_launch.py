@@ -220,17 +220,17 @@ def test_ctrl_c_ends_a_run_before_its_end_and_says_how_to_go_on(switch: list[str
     assert np.isfinite(record.q).all()
 
 
-# 1500 steps of 1203 spheres: a second or more, to be stopped in its first half. Few steps: ranks that share a core wait
-# for each other in busy loops, a time slice at each of them
-LONG = {"packing.rows": 401, "time.duration": 75.0}
-OFTEN = 1203 * 100 / SPEED / 60  # minutes: 100 steps on one rank, twice as many on two
+# 3000 steps of 3480 spheres: a second with the kernel, to be stopped in its first fifth. Few steps: ranks that share a
+# core wait for each other in busy loops, a time slice at each of them
+LONG = {"packing.rows": 29, "packing.columns": 120, "time.duration": 150.0, "time.allow_echo": "true"}
+OFTEN = 3480 * 100 / SPEED / 60  # minutes: 100 steps on one rank, twice as many on two
 LONG_RUN = [f"{key}={value}" for key, value in LONG.items()]
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Record:
     """The same run, which nobody stopped."""
-    return run(PAPER.with_values(LONG), tmp_path_factory.mktemp("whole") / "run")
+    return run(PAPER.with_values(LONG | {"time.allow_echo": True}), tmp_path_factory.mktemp("whole") / "run")
 
 
 def dump_of(record: Record) -> bytes:
