@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import packed
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import ViewError
-from granular_lmp.plot.signals import PAGE, Picture, named
+from granular_lmp.plot.signals import PAGE, Picture, in_words
 from granular_lmp.rest.at_rest import CrystalAtRest
 from granular_lmp.rest.face import Rest
 from granular_lmp.rest.kinds import rest_of
@@ -74,7 +74,7 @@ def at_rest_figure(scene: Scene) -> Picture:
     lost = f", {len(i)} missing (dotted)" if len(i) else ""
     each = (2 * len(force) + contacts.on_wall.sum()) / len(position)
     axes.set_title(
-        f"{named(scene)}: {scene.imperfections}\n{len(position)} spheres, {each:.3f} contacts a sphere{lost}",
+        f"{in_words(scene.name)}: {scene.imperfections}\n{len(position)} spheres, {each:.3f} contacts a sphere{lost}",
         fontsize="medium",
     )
     return figure

@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.zone import CHARACTERS, Branches
-from granular_lmp.plot.signals import PAGE, frequency_axis, named
+from granular_lmp.plot.signals import PAGE, frequency_axis, in_words
 from granular_lmp.rest.scene import Scene
 
 # Each share of the kinetic energy has a colour; a line is their mixture
@@ -36,7 +36,7 @@ def path_figure(branches: Branches, scene: Scene) -> Figure:
         for name, colour, there in zip(CHARACTERS, COLOURS, present, strict=True)
         if there
     ]
-    axes.legend(handles=handles, title=named(scene), loc="upper right")
+    axes.legend(handles=handles, title=in_words(scene.name), loc="upper right")
     return figure
 
 
@@ -47,6 +47,6 @@ def density_figure(middle: NDArray[np.float64], density: NDArray[np.float64], sc
     axes.fill_between(middle, density, step="mid", color="0.6")
     hertz = 2 * np.pi * scene.sphere.time_scale
     axes.set(xlabel=r"frequency $\Omega$ (rad per $t_0$)", ylabel=r"share of the modes ($t_0$ per rad)")
-    axes.set(xlim=(0, middle[-1]), title=f"{named(scene)}: 1 rad per $t_0$ is {1 / hertz:.4g} Hz")
+    axes.set(xlim=(0, middle[-1]), title=f"{in_words(scene.name)}: 1 rad per $t_0$ is {1 / hertz:.4g} Hz")
     axes.set_ylim(bottom=0)
     return figure

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import unit_of
-from granular_lmp.plot.signals import PAGE, Picture, named
+from granular_lmp.plot.signals import PAGE, Picture, in_words
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.tables import places_of
@@ -43,7 +43,7 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
     if 1 < len(labels) <= MOST_LINES:
         panels[0].legend(ncols=2)
-    panels[0].set_title(f"{named(monitor.scene)}: monitor {monitor.monitor.name}", fontsize="medium")
+    panels[0].set_title(f"{in_words(monitor.scene.name)}: monitor {monitor.monitor.name}", fontsize="medium")
     return figure
 
 

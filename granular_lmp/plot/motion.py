@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.chain_bands import edges, frequencies, gaps
 from granular_lmp.plot.colours import DARKEST, LIGHTEST
-from granular_lmp.plot.signals import PAGE, Picture, frequency_axis, in_si, named, title
+from granular_lmp.plot.signals import PAGE, Picture, frequency_axis, in_si, in_words, title
 from granular_lmp.problem import Problem
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.strikers import leads
@@ -53,7 +53,7 @@ def bands_figure(problem: Problem) -> Figure:
         axes.axhspan(low, high, color="0.9")
     axes.set(xlabel=r"phase from cell to cell (rad)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, np.pi))
     axes.set_ylim(bottom=0)
-    axes.set_title(f"{named(problem.scene)}: cell of {len(mass)}", fontsize="medium")
+    axes.set_title(f"{in_words(problem.scene.name)}: cell of {len(mass)}", fontsize="medium")
     frequency_axis(axes, 2 * np.pi * problem.scene.scale.time)
     return figure
 

@@ -1,6 +1,6 @@
 """Figure of what passes the inclusions of a scene and what comes back, over frequency."""
 
-from granular_lmp.plot.signals import BRANCH_STYLES, PAGE, Picture, named
+from granular_lmp.plot.signals import BRANCH_STYLES, PAGE, Picture, in_words
 from granular_lmp.studies.scatter import Scatter
 
 _MARKERS = {"burst": "o", "tone": "s"}
@@ -33,7 +33,7 @@ def scattering_figure(found: Scatter) -> Picture:
     axes.plot(*zip(*balance, strict=True), color="0.6", linewidth=0.8, label="sum")
     axes.set(xlabel=r"frequency $\Omega$ (rad/$t_0$)", ylabel="share of the incident energy", ylim=(-0.02, 1.05))
     axes.set_title(
-        f"{named(found.scene)}: {found.rows[0].incident} meets {found.scene.imperfections}", fontsize="medium"
+        f"{in_words(found.scene.name)}: {found.rows[0].incident} meets {found.scene.imperfections}", fontsize="medium"
     )
     axes.legend()
     return figure

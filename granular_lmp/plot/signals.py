@@ -86,14 +86,14 @@ def draw_signals(
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
 
 
-def named(scene: Scene) -> str:
+def in_words(name: str) -> str:
     """Return the name of a scene in words, as titles have it."""
-    return scene.name.replace("_", " ")
+    return name.replace("_", " ")
 
 
 def title(scene: Scene) -> str:
     """Return a title: name, and of a wave its mode and kind, ξ and direction that are used, and amplitude."""
-    wave, name = scene.wave, named(scene)
+    wave, name = scene.wave, in_words(scene.name)
     if wave is None or not wave.known.waves:
         unit = "" if wave is None else rf", $D_0$ = {wave.amplitude:g} $\Delta_0$"
         cause = words.moved(scene.striker, scene.start, scene.source).removeprefix("which ")
@@ -144,7 +144,7 @@ def dispersion_figure(scene: Scene) -> Figure:
     axes.set_ylim(bottom=0)
     frequency_axis(axes, 2 * np.pi * scene.sphere.time_scale)
     where = "" if vector.axis == "y" else f", along {scene.along}"
-    axes.legend(title=named(scene) + where)
+    axes.legend(title=in_words(scene.name) + where)
     return figure
 
 

@@ -14,7 +14,7 @@ from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.page import page
-from granular_lmp.plot.signals import PAGE, Picture, named, save
+from granular_lmp.plot.signals import PAGE, Picture, in_words, save
 from granular_lmp.plot.unnamed import contacts_figure, draw_unnamed
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
@@ -234,7 +234,7 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
         xlabel=_in_words(key) + (f" ({unit.replace('xi', 'ξ').replace('t0', '$t_0$')})" if unit else ""), ylabel=said
     )
     missing = "" if finished == len(sweep.rows) else f" ({finished} of {len(sweep.rows)} runs)"
-    axes.set_title(f"{named(sweep.scene)}{missing}", fontsize="medium")
+    axes.set_title(f"{in_words(sweep.scene.name)}{missing}", fontsize="medium")
     if len(curves) > 1:
         axes.legend()
     return figure
