@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cases.runner import script
 from granular_analysis.measure.witness import Witness, witness
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import letter, page
 from granular_analysis.tools.branches import Branches, branches
 from granular_lmp.foreign.adopt_dump import Known, adopt_dump
 from granular_lmp.foreign.known import dumps_of, known_of
@@ -91,7 +91,7 @@ def table(found: Found) -> str:
 
 def draw(found: Found) -> Figure:
     """Return the panels: the spectral density with its peaks over wave numbers, and the front."""
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    figure = page(2.9)
     waves, arrivals = figure.subplots(1, 2)
     numbers, rows = found.waves.wavenumbers, found.waves.rows
     shown = found.waves.power / found.waves.power.max(axis=1, keepdims=True)
@@ -99,18 +99,18 @@ def draw(found: Found) -> Figure:
         numbers * SPACING / pi, found.waves.frequencies / (2e3 * pi), np.log10(shown.clip(1e-4)).T, cmap="Greys",
         shading="nearest", rasterized=True,
     )  # fmt: skip
-    waves.plot(numbers * SPACING / pi, frequency(numbers) / 1e3, color="tab:blue", linewidth=1.0, label="theory")
+    waves.plot(numbers * SPACING / pi, frequency(numbers) / 1e3, color="C0", linewidth=1.0, label="theory")
     strong = rows[rows[:, 3] > STRONG]
-    waves.plot(strong[:, 0] * SPACING / pi, strong[:, 1] / 1e3, ".", color="tab:red", label="deck")
+    waves.plot(strong[:, 0] * SPACING / pi, strong[:, 1] / 1e3, ".", color="C3", label="deck")
     waves.set(xlabel=r"wave number $ka/\pi$", ylabel="frequency (kHz)", ylim=(0, 1.2e-3 * frequency(numbers).max()))
     near = found.front.between(0.0, FAR[1])
     times = near.arrival * 1e3
-    arrivals.plot(times, near.distance, ".", color="tab:red", label="deck")
-    arrivals.plot(times, SOUND * near.arrival, color="tab:blue", linewidth=1.0, label="sound")
+    arrivals.plot(times, near.distance, ".", color="C3", label="deck")
+    arrivals.plot(times, SOUND * near.arrival, color="C0", linewidth=1.0, label="sound")
     arrivals.set(xlabel="arrival (ms)", ylabel="distance (m)")
     letter((waves, arrivals))
     for axes in (waves, arrivals):
-        axes.legend(frameon=False, loc="upper left")
+        axes.legend(loc="upper left")
     return figure
 
 

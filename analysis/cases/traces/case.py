@@ -23,7 +23,7 @@ from cases.runner import script
 from granular_analysis.measure.fitting import Fit
 from granular_analysis.measure.points import Point
 from granular_analysis.measure.spectral_density import density, peaks
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import legend_above, letter, page
 from granular_analysis.theory.estimation import COVERAGE, Estimate, Parameter
 from granular_lmp.runs.record import GranularError, Record, Scene
 
@@ -282,9 +282,9 @@ def table(found: Found) -> str:
 
 def draw(found: Found) -> Figure:
     """Draw the errors of both keys over the noise, and how often intervals hold the truth."""
-    figure = Figure(figsize=(9.5, 3.6), layout="constrained")
+    figure = page(3.5)
     panels = figure.subplots(1, 2, width_ratios=[1.3, 1])
-    styles = {"traces": ("tab:blue", "o"), "frequencies": ("tab:red", "s")}
+    styles = {"traces": ("C0", "o"), "frequencies": ("C3", "s")}
     for by, (colour, mark) in styles.items():
         own = [each for each in found.levels if each.by == by and len(each.errors) >= FEWEST]
         noise = [100 * each.noise for each in own]
@@ -298,13 +298,13 @@ def draw(found: Found) -> Figure:
             shifted = np.array(noise) * (1 + 0.06 * (2 * key - 1) * (1 if by == "traces" else 2))
             panels[1].errorbar(shifted, held, chance, fmt=mark, color=colour, markersize=4, fillstyle=FILLED[key])
     panels[0].set(xlabel="noise, % of the largest value", ylabel="error of a key, %")
-    panels[0].legend(frameon=False, fontsize=8)
     panels[1].axhline(100 * COVERAGE, color="0.6", linewidth=1)
     panels[1].set(xlabel="noise, % of the largest value", ylabel="intervals that hold the truth, %", xscale="log")
     for axes in panels:
         axes.set(xticks=[100 * each for each in SETS], xticklabels=[f"{100 * each:g}" for each in SETS])
         axes.xaxis.set_minor_locator(NullLocator())
     letter(panels)
+    legend_above(panels[0])
     return figure
 
 
