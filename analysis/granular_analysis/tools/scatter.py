@@ -68,8 +68,10 @@ class Comparison:
 
     Attributes
     ----------
-    name : name of the scene. lines : lines of the table. frequency : (F,) from the least to the largest of the table,
-    rad/t0. curves : theory by mode, (F, 2) transmitted and reflected shares.
+    name : name of the scene.
+    lines : lines of the table.
+    frequency : (F,) from the least to the largest of the table, rad/t0.
+    curves : theory by mode, (F, 2) transmitted and reflected shares.
     """
 
     name: str
@@ -213,8 +215,8 @@ def draw(found: Sequence[Comparison]) -> Figure:
         lower.ticklabel_format(axis="y", scilimits=(0, 0))
         lower.set_xlabel(r"frequency $\Omega$ (rad/$t_0$)")
         if not column:
-            upper.set_ylabel("share of the incident energy")
-            lower.set_ylabel("measured − theory")
+            upper.set_ylabel("share of the\nincident energy")
+            lower.set_ylabel("measured\n− theory")
     return figure
 
 
