@@ -85,9 +85,7 @@ def add_to(commands: Commands) -> None:
         default="speed",
         help="signal with the crest: speed, or velocity along (longitudinal) or across the direction (default: speed)",
     )
-    front.add_argument(
-        "--between", type=_distances, metavar="NEAR:FAR", help="use use only spheres at these distances, m"
-    )
+    front.add_argument("--between", type=_distances, metavar="NEAR:FAR", help="use only spheres at these distances, m")
     front.add_argument("-o", "--output", metavar="FILE", help=".csv: arrival at each sphere, with its error, in SI")
     json_argument(front)
 

@@ -51,7 +51,7 @@ def called_for(case: Case) -> Finding:
     end = quiet_end_of(case.scene)
     if end is None:
         return Finding(False, 0.0, "no rows absorb the wave")
-    oblique = "for waves along y; oblique waves are not included" if not uniform_rows(case.scene) else ""
+    oblique = " for waves along y; oblique waves are not included" if not uniform_rows(case.scene) else ""
     return Finding(True, end.reflection, f"{{}} of the amplitude is reflected by {end.rows} rows at an end{oblique}")
 
 

@@ -114,7 +114,7 @@ def mean_count(problem: Problem) -> float:
     along = np.maximum(np.maximum(low - y, y - high), 0.0)
     apart = np.sort(along if _by_rows(problem) else np.hypot(x, along)) / row
     every, time = LOST * _interval(problem), scene.time
-    steps = np.arange(every, time.steps, every)  # radius at which spheres leave
+    steps = np.arange(every, time.steps, every)  # at which spheres leave
     way = _speed(problem) * (time.duration - steps * time.step)
     stay = np.searchsorted(apart, way + WIDTHS * np.cbrt(way + WIDTHS**1.5))
     return float(np.average([len(apart), *stay], weights=np.diff([0, *steps, time.steps])))

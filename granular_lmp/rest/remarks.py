@@ -19,7 +19,7 @@ from granular_lmp.scene.sections import Effects, Packing, Sampled, Wave
 
 # Effect of the spread s of diameters over the overlap at rest, as measured (analysis/cases/disorder/README.md):
 # remaining share of the mean second harmonic of TR at the resonance of a hexagonal sheet until tau = 100, with a load
-# or adhesion; and share of open contacts
+# or adhesion; and contacts left per sphere
 _SPREADS = (0.0, 0.1, 0.2, 0.4, 0.5, 0.7, 1.0)
 _HARMONIC = {False: (1, 0.959, 0.850, 0.538, 0.366, 0.18, 0), True: (1, 0.960, 0.853, 0.547, 0.32, 0, 0)}
 _HALF = 0.42  # s at which half of the second harmonic is lost

@@ -32,10 +32,12 @@ class Look(NamedTuple):
 
     Attributes
     ----------
-    smallest : smallest overlap of two touching spheres; infinite if there are none. on_wall : smallest overlap of
-    spheres with walls, over that at rest. deepest : largest overlap of any contact; 0 if there are none. changed :
-    contacts that have opened or formed since rest. slip : largest shear force over the force at which the contact would
-    slide with a friction of 1. torque : largest torque on a sphere; in space of the largest components.
+    smallest : smallest overlap of two touching spheres; infinite if there are none.
+    on_wall : smallest overlap of spheres with walls, over that at rest.
+    deepest : largest overlap of any contact; 0 if there are none.
+    changed : contacts that have opened or formed since rest.
+    slip : largest shear force over the force at which the contact would slide with a friction of 1.
+    torque : largest torque on a sphere; in space of the largest components.
     """
 
     smallest: float

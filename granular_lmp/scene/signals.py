@@ -24,7 +24,7 @@ class Declared(Protocol):
 
     @property
     def ramp(self) -> float:
-        """Time rise time of a tone or a step, τ."""
+        """Rise time of a tone or a step, τ."""
 
     @property
     def sweep(self) -> float:

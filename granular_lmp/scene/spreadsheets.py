@@ -76,7 +76,8 @@ def read(file: str | Path, quantities: Quantities, words: Words, said: str = "")
     Parameters
     ----------
     file : a regular file of at most `LARGEST_TABLE` bytes, in UTF-8, UTF-16 with a byte order mark, or Windows-1252.
-    quantities : quantities that a column may hold, with their units. words : other words and symbols for a quantity.
+    quantities : quantities that a column may hold, with their units.
+    words : other words and symbols for a quantity.
     said : the name that the user wrote for the file, if it is not the path.
 
     Raises

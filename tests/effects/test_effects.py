@@ -660,3 +660,12 @@ def test_the_reason_of_an_effect_is_a_sentence_with_its_number(name: str) -> Non
     for effect in prepare(Scene.load(name)).effects:
         assert not re.search(r"\{|\binf\b|^[\d.e-]+ (?!pairs|rows|columns|N |of the amplitude)", effect.finding)
         assert "{}" not in effect.reason or f"{effect.number:.4g}" in effect.finding
+
+
+def test_the_reason_of_quiet_ends_names_waves_that_it_leaves_out() -> None:
+    """Of a source of one sphere, which sends waves out in all directions."""
+    scene = Scene.load("point_source").with_values(
+        {"absorb.rows": 10, "absorb.reflection": 0.1, "source.1.cycles": 4.0}
+    )
+    (found,) = (each.finding for each in prepare(scene).effects if "oblique" in each.finding)
+    assert found.endswith(" rows at an end for waves along y; oblique waves are not included")

@@ -11,6 +11,7 @@ from tests.house.test_independence import FOLDERS
 # A reader learns at most so many names; all others may change without a word
 MOST = {"granular_lmp": 65, "granular_analysis": 50}
 _IMPORT = re.compile(r"^from (granular_(?:lmp|analysis)[\w.]*) import ([\w, ]+?)(?: +#.*)?$", re.MULTILINE)
+_TWO_ON_A_LINE = re.compile(r"^ +\w+ : .*\. \w+ : ", re.MULTILINE)
 _DOCUMENTED = re.compile(r"^::: (granular_(?:lmp|analysis)[\w.]*)\.(\w+)$", re.MULTILINE)
 
 
@@ -48,6 +49,12 @@ def test_public_names_are_there_few_and_documented(package: str) -> None:
     things = {(module, name): getattr(import_module(module), name) for module, names in held.items() for name in names}
     assert not [where for where, thing in things.items() if callable(thing) and not thing.__doc__]
     assert len({name for _, name in things}) <= MOST[package]
+
+
+@pytest.mark.parametrize("package", FOLDERS)
+def test_lists_of_parameters_have_a_line_for_each(package: str) -> None:
+    assert not [str(path) for path in FOLDERS[package].rglob("*.py") if _TWO_ON_A_LINE.search(path.read_text("utf-8"))]
+    assert _TWO_ON_A_LINE.search("    rows : of the crystal. columns : of the crystal")
 
 
 def test_what_pages_import_and_document_is_public() -> None:

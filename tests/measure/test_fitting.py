@@ -241,7 +241,6 @@ def test_an_amplitude_of_a_second_harmonic_tells_poissons_ratio() -> None:
         ([point(1e8)], (), "no key is free"),
         ([point(1e8)], (E, E), "named twice"),
         ([point(1e8)], ("sphere.adhesion_law",), "must be a number"),
-        ([point(1e8)], ("sphere.densty",), "unknown key; did you mean 'density'"),
         ([point(1e8)], ("wave.frequency",), "has no value in the scene"),
         ([point(1e8, 1.0), point(1e8)], (E,), "line 2: has no error, and others have"),
         ([point(1e8, 1.0, branch="XX", wavenumber=1.0)], (E,), "XX"),
@@ -249,8 +248,13 @@ def test_an_amplitude_of_a_second_harmonic_tells_poissons_ratio() -> None:
     ],
 )
 def test_what_no_theory_holds_is_refused(points: list[Point], keys: tuple[str, ...], says: str) -> None:
-    with pytest.raises((ValueError, SceneError), match=says):
+    with pytest.raises(ValueError, match=says):
         Fit(SCENE, points, keys).answer()
+
+
+def test_an_unknown_key_is_refused() -> None:
+    with pytest.raises(SceneError, match="unknown key; did you mean 'density'"):
+        Fit(SCENE, [point(1e8)], ("sphere.densty",)).answer()
 
 
 @pytest.mark.usefixtures("drawn_once")

@@ -48,9 +48,10 @@ class NetworkEngine:
 
     Attributes
     ----------
-    device : name in ``run.json``; it ends with what takes the steps. room : memory of the GPU in bytes; inf without a
-    GPU. at_once : number of simultaneous runs on this machine, which share its memory; a process that receives the
-    engine counts as one.
+    device : name in ``run.json``; it ends with what takes the steps.
+    room : memory of the GPU in bytes; inf without a GPU.
+    at_once : number of simultaneous runs on this machine, which share its memory; a process that receives the engine
+        counts as one.
     """
 
     device: str

@@ -30,8 +30,7 @@ class Contact:
     ----------
     poisson_ratio : ν of the spheres, in [−1, 0.5].
     law : law of the shear force: "secant" (the paper; LAMMPS mindlin), "incremental" (LAMMPS mindlin/force) or
-    "potential"
-        (conservative); see `granular_analysis.theory.bonds`.
+        "potential" (conservative); see `granular_analysis.theory.bonds`.
     overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the geometry of the paper, 2.5e-4 that of its silica spheres in LAMMPS.
     prestress : F0/(F0 + F) in [0, 1] with the pull-off force F, the adhesive force in the DMT law: 0 if adhesion holds
         the lattice, 1 if compression does.
@@ -40,8 +39,8 @@ class Contact:
     viscosity : c ≥ 0 of a dashpot in every closed contact, in m/t0 (LAMMPS damping velocity).
     restitution : coefficient in (0, 1] that sets the dashpot instead (LAMMPS damping coeff_restitution); None: none.
     inertia : Ĩ = I/(mR²) > 0 of the sphere, without the factor of η.
-    stiffness_ratio : κ > 0 of measured stiffnesses, not for JKR contacts; None: from ν. adhesion_law : "dmt", or "jkr",
-    whose contacts adhere beyond an overlap of 0 (`granular_analysis.theory.adhesion`).
+    stiffness_ratio : κ > 0 of measured stiffnesses, not for JKR contacts; None: from ν.
+    adhesion_law : "dmt", or "jkr", whose contacts adhere beyond an overlap of 0 (`granular_analysis.theory.adhesion`).
 
     Raises
     ------

@@ -79,7 +79,8 @@ class Crystal:
     bonds : its contacts.
     mass : (B, 6) M: masses, and moments of inertia over R² and the mean arm/R.
     position : (B, 3) places of the spheres of a cell.
-    vectors : (d, 3) lattice vectors. freedoms : moving ones of the six freedoms: `PLANE`, `SPACE`, or fewer.
+    vectors : (d, 3) lattice vectors.
+    freedoms : moving ones of the six freedoms: `PLANE`, `SPACE`, or fewer.
     """
 
     bonds: Bonds

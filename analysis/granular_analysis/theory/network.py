@@ -148,20 +148,25 @@ class Network:
 
     Parameters
     ----------
-    position : (N, 2) or (N, 3) places from which displacements are measured. They need not be in equilibrium. radius,
-    density : (N,). materials : the kinds of spheres. kind : (N,) index into `materials` of each sphere; None if there
-    is one kind. held : (N,) whether a sphere ignores forces and keeps its initial velocity and spin. None: no sphere.
+    position : (N, 2) or (N, 3) places from which displacements are measured. They need not be in equilibrium.
+    radius, density : (N,).
+    materials : the kinds of spheres.
+    kind : (N,) index into `materials` of each sphere; None if there is one kind.
+    held : (N,) whether a sphere ignores forces and keeps its initial velocity and spin. None: no sphere.
     cell : periods in x, y (and z), inf where the network ends; () if it is finite. A period must exceed twice the
         `reach`, so that no two spheres touch twice: three columns of equal spheres are enough.
-    law : law of the shear force. friction : coefficient μ; inf for contacts that never slide. shear_mixing : rule for
-    G* between two kinds. shear, rotation : whether contacts resist shear, and whether spheres turn. inertia_ratio :
-    moment of inertia over m R²; 2/5 for a sphere, 1/2 if LAMMPS treats spheres as discs. viscosity : coefficient η of a
-    dashpot along normal and tangent of every closed contact. restitution : coefficient e in (0, 1] that sets the
-    dashpots instead, only without adhesion; None: not used. adhesion : law of the normal force. factors : factors of
-        normal and shear forces at a given overlap, for measured stiffnesses: two numbers, or (K, K, 2) for pairs of K
-        materials.
-    walls, drives : external actions (`granular_analysis.theory.network_outside`). drag : (N,) decay rates of velocity
-    and spin, per time; None: no decay.
+    law : law of the shear force.
+    friction : coefficient μ; inf for contacts that never slide.
+    shear_mixing : rule for G* between two kinds.
+    shear, rotation : whether contacts resist shear, and whether spheres turn.
+    inertia_ratio : moment of inertia over m R²; 2/5 for a sphere, 1/2 if LAMMPS treats spheres as discs.
+    viscosity : coefficient η of a dashpot along normal and tangent of every closed contact.
+    restitution : coefficient e in (0, 1] that sets the dashpots instead, only without adhesion; None: not used.
+    adhesion : law of the normal force.
+    factors : factors of normal and shear forces at a given overlap, for measured stiffnesses: two numbers, or (K, K, 2)
+        for pairs of K materials.
+    walls, drives : external actions (`granular_analysis.theory.network_outside`).
+    drag : (N,) decay rates of velocity and spin, per time; None: no decay.
     """
 
     position: Floats

@@ -95,10 +95,12 @@ class Run:
 
     Attributes
     ----------
-    network, state : as from `granular_analysis.theory.network_state.start`; pairs are not searched again. step : length
-    of a step. samples, every : number of records after the start, and the steps between two. spheres : (n,) indices of
-    the recorded spheres. contacts : (C,) pairs whose power is recorded. quadrature : (2f, N) initial motion of the wave
-    a quarter of a period ahead, for a phase.
+    network, state : as from `granular_analysis.theory.network_state.start`; pairs are not searched again.
+    step : length of a step.
+    samples, every : number of records after the start, and the steps between two.
+    spheres : (n,) indices of the recorded spheres.
+    contacts : (C,) pairs whose power is recorded.
+    quadrature : (2f, N) initial motion of the wave a quarter of a period ahead, for a phase.
     """
 
     network: Network

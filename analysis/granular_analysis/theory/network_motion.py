@@ -140,10 +140,11 @@ def integrate(
 
     Parameters
     ----------
-    network, state : state from `network.start`, or the final state of another run. times : (T,) ascending, not
-    negative. rtol : error of a step relative to `scales` and to the motion so far, root mean square over the network.
-        Use a smaller value if few spheres of many move (by the root of their share), or if all fly or turn together
-        much farther than the overlaps (by this ratio).
+    network, state : state from `network.start`, or the final state of another run.
+    times : (T,) ascending, not negative.
+    rtol : error of a step relative to `scales` and to the motion so far, root mean square over the network. Use a
+        smaller value if few spheres of many move (by the root of their share), or if all fly or turn together much
+        farther than the overlaps (by this ratio).
     spheres : indices of those to record; all if None.
     longest_step : bound on the step, for networks with friction. No step is longer than two thirds of a collision.
 

@@ -32,8 +32,9 @@ def amplitude(found: Record, row: int, places: ArrayLike, wavevector: ArrayLike,
     Parameters
     ----------
     found : Record
-    row : row u of the motion. places : (n, d) of the recorded spheres at rest. wavevector, frequency : k in rad per
-    unit of length, Ω in rad per unit of time.
+    row : row u of the motion.
+    places : (n, d) of the recorded spheres at rest.
+    wavevector, frequency : k in rad per unit of length, Ω in rad per unit of time.
 
     Good values: a record of two or more whole periods, and spheres at all phases of the wave. When it breaks: A has no
     slope where it is 0.

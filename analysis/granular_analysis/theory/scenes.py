@@ -89,9 +89,9 @@ class Setting:
 
     Attributes
     ----------
-    scene : with "auto" decided or not; an effect that is still "auto" is on if every crystal has it. numbers : values
-        that replace those of some keys, `VARIED` and "inclusion.N.density" with N from 1; they may be complex, for
-        `granular_analysis.theory.variation`. Also "wave.wavenumber", which a periodic cell does not round.
+    scene : with "auto" decided or not; an effect that is still "auto" is on if every crystal has it.
+    numbers : values that replace those of some keys, `VARIED` and "inclusion.N.density" with N from 1; they may be
+        complex, for `granular_analysis.theory.variation`. Also "wave.wavenumber", which a periodic cell does not round.
     """
 
     scene: Scene

@@ -30,8 +30,8 @@ def figure(
     Parameters
     ----------
     swept, records : the sweep, and the records of its finished runs.
-    signals : signals of the reference of each run, in the order of `signals_of`; None for a run without one. labels :
-    labels of the signals.
+    signals : signals of the reference of each run, in the order of `signals_of`; None for a run without one.
+    labels : labels of the signals.
     """
     varied = {key: values for key, values in swept.columns(records).items() if key in swept.over}
     axis = max((key for key in varied if _numbers(varied[key])), key=lambda key: len(set(varied[key])), default=None)
