@@ -132,6 +132,8 @@ def outside_of(reading: Reading) -> Outside:
     discs = found.discs[free].any()
     if some and (not found.turns[free].all() or (discs and not found.discs[free].all())):
         found.others += map(str, turning)
+    if (found.held & ~found.frozen & found.moves & found.turns).any() and found.sheared:
+        found.others += [str(fix) for fix in recorded.stage.fixes if _stops(fix)]
     return Outside(
         begin=recorded.begin,
         history=recorded.history,
@@ -189,12 +191,23 @@ class _Found:
         """Add ``setforce``: of no force at all, or of none along axes across which the crystal is symmetric."""
         stopped = _zeros(fix.words[4:])
         assert stopped is not None
-        places, speeds = self.spheres.position, self.spheres.velocity
-        flat = (np.ptp(places, axis=0) < _FLAT * self.spheres.radius.max()) & ~speeds.any(axis=0)
         if stopped.all():
             self.held |= members
-        elif not flat[stopped].all():
+        elif not self._flat[stopped].all():
             self.others.append(str(fix))
+
+    @property
+    def _flat(self) -> NDArray[np.bool_]:
+        """Axes along which no sphere moves, as all have one place there."""
+        places, speeds = self.spheres.position, self.spheres.velocity
+        return np.asarray((np.ptp(places, axis=0) < _FLAT * self.spheres.radius.max()) & ~speeds.any(axis=0))
+
+    @property
+    def sheared(self) -> bool:
+        """Whether contacts may turn spheres, which those of a line that moves along itself do not."""
+        laws, flat = [*self.reading.laws.values(), *(wall.law for wall in self.walls)], self._flat
+        pushed = self.walls or self.pushes[:, flat].any() or self.spheres.spin.any()
+        return any(law.friction for law in laws) and bool(flat.sum() < 2 or pushed)
 
     def _moves(self, fix: Command, members: NDArray[np.bool_]) -> bool:
         """Add a straight motion, or one to and fro, whose time counts from the making of the fix.
@@ -273,6 +286,11 @@ def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:
     if numbers is None or len(numbers) != 3 or np.any(np.nan_to_num(numbers)):
         return None
     return ~np.isnan(numbers)
+
+
+def _stops(fix: Command) -> bool:
+    """Return whether a fix takes the forces of its spheres, but not their torques."""
+    return fix.words[3] == "setforce" and (stopped := _zeros(fix.words[4:])) is not None and bool(stopped.all())
 
 
 def _later(reading: Reading, recorded: Recorded) -> Iterator[str]:
