@@ -138,9 +138,9 @@ def _described(
                     like = likeness(reading, spheres, scene, indexed, known.outside)
                     return Described(scene, indexed, like, tuple(unsaid))
                 except GranularError as error:
-                    failed = error
+                    failed = failed or error
         except GranularError as error:
-            failed = error
+            failed = failed or error
     raise failed or SceneError("nothing moves at the beginning of its first long run, and a scene says what moves")
 
 
