@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.foreign.interpreter import Command
-from granular_lmp.foreign.laws import Law, granular
+from granular_lmp.foreign.laws import Law, granular, is_number, unread
 from granular_lmp.foreign.reading import Reading, Recorded
 from granular_lmp.frozen import dataclass
 from granular_lmp.units import Units
@@ -257,7 +257,8 @@ class _Found:
         """Return the planes of ``fix wall/gran granular`` with all spheres; none if it is another wall."""
         words = fix.words
         place = next((n for n, word in enumerate(words) if word in ("xplane", "yplane", "zplane")), len(words))
-        ends, law = words[place + 1 : place + 3], granular(fix, words[5:]) if words[4] == "granular" else None
+        ends, said = words[place + 1 : place + 3], words[5:place]
+        law = granular(fix, said) if words[4] == "granular" and not unread(said) else None
         if law is None or len(ends) < 2 or {*words[place + 3 :]} - {"contacts"} or not members.all():
             return []
         return [
@@ -274,10 +275,7 @@ def _place(reading: Reading, command: Command) -> int:
 
 def _numbers(words: tuple[str, ...]) -> list[float] | None:
     """Return words as numbers; None if one is no number, as a variable."""
-    try:
-        return [float(word) for word in words]
-    except ValueError:
-        return None
+    return [float(word) for word in words] if all(map(is_number, words)) else None
 
 
 def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:

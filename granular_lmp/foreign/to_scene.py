@@ -21,7 +21,7 @@ from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.foreign.adopt_dump import Known
 from granular_lmp.foreign.begun import Motion, begins
 from granular_lmp.foreign.indexing import Indexed, index, neighbours
-from granular_lmp.foreign.laws import Law
+from granular_lmp.foreign.laws import MATERIAL, Law, unread
 from granular_lmp.foreign.likeness import Likeness, likeness
 from granular_lmp.foreign.outside import Outside
 from granular_lmp.foreign.reading import Reading, Recorded, Spheres, Stage
@@ -42,8 +42,6 @@ _READ = (
     *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
 )
 _SHEARED = {"mindlin": "secant", "mindlin/force": "incremental", "mindlin_rescale": "rescaled"}
-_MATERIAL = ("hertz/material", "dmt", "jkr")
-_PARTS = ("tangential", "damping", "rolling", "twisting", "none")  # words of a law, beside its numbers
 _TOUCHING = 1e-9  # of a radius: overlaps and gaps below are the rounding of places
 _UNLOADED = 1e-6  # of the pull-off force: less load is the rounding of places
 _LEAST_STRAIN = 1e-7
@@ -214,15 +212,11 @@ def _one_law(reading: Reading, spheres: Spheres) -> Law:
                 "one material has one; say other materials by an [[inclusion]]"
             )
     law = laws[first]
-    words = law.command.words
-    for part in ("rolling", "twisting"):
-        if part in words and words[words.index(part) + 1] != "none":
-            raise SceneError(f"'{law.command}': {part} of a foreign deck is not read")
-    named = [word for word in words[4:] if not _is_number(word) and word != "NULL"]
-    said = {*_PARTS, *_SHEARED, "linear_nohistory", "velocity", "coeff_restitution", "viscoelastic", "mass_velocity"}
-    if law.normal not in _MATERIAL or (left := [word for word in named if word not in {*said, *_MATERIAL, "tsuji"}]):
-        wrong = law.normal if law.normal not in _MATERIAL else left[0]
-        raise SceneError(f"'{law.command}': no key of a scene says {wrong}")
+    left = unread(law.command.words[4:])
+    if left in ("rolling", "twisting"):
+        raise SceneError(f"'{law.command}': {left} of a foreign deck is not read")
+    if law.normal not in MATERIAL or left:
+        raise SceneError(f"'{law.command}': no key of a scene says {left if law.normal in MATERIAL else law.normal}")
     if law.mixed and law.shear_share != 1 and law.has_history and law.friction:
         raise SceneError(
             "LAMMPS mixes the shear modulus of two types in its own way, and a scene has that of contact mechanics"
@@ -236,14 +230,6 @@ def _one_law(reading: Reading, spheres: Spheres) -> Law:
     if law.has_history and law.tangential not in _SHEARED:
         raise SceneError(f"tangential {law.tangential}: a scene has {', '.join(_SHEARED)}")
     return law
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 # --- the tables of a scene --------------------------------------------------------------------------------------------

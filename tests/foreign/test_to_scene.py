@@ -34,6 +34,12 @@ SCENES: dict[str, dict[str, Any]] = {
         "packing": {"lattice": "square", "rows": 4, "columns": 5, "first": "wall", "sides": "wall", "last": "free"},
         "striker": [{"rows": [3, 3], "velocity": 1.0, "direction": "-y"}],
     },
+    "damped walls": {
+        "sphere": STEEL,
+        "packing": {"lattice": "square", "rows": 3, "columns": 4, "first": "wall", "last": "free"},
+        "effects": {"friction": 0.3, "viscosity": 20.0, "shear_damping": 0.5},
+        "striker": [{"rows": [2, 2], "velocity": 1.0, "direction": "-y"}],
+    },
     "chain": {
         "sphere": STEEL,
         "packing": {"rows": 7, "first": "held"},
@@ -116,7 +122,7 @@ SCENES: dict[str, dict[str, Any]] = {
     },
 }
 SCENES["sheet of hexagons"] = {"sphere": STEEL, "packing": {"lattice": "hexagonal", "rows": 7, "columns": 6}, **STRUCK}
-TURNED = ("walls", "sheet with friction", "chain", "spread of radii", "oblique wave", "fcc")
+TURNED = ("walls", "damped walls", "sheet with friction", "chain", "spread of radii", "oblique wave", "fcc")
 # Members of make stability
 MORE = ("walls", "square sheet", "chain of unequal spheres", "jkr honeycomb", "standing wave", "pressed sheet")
 REFUSED_MORE = ("gaps", "a drive", "two ways to move", "rest before", "rolling", "springs", "half a degree")
@@ -285,6 +291,27 @@ def test_a_crystal_that_is_nearly_one_of_ours_is_refused(name: str, tmp_path: Pa
         _with_law(deck, law(crystal, "si"), own)
     with pytest.raises(GranularError, match=message):
         print(described(deck).scene)
+
+
+# Words of a wall with shear and damping, those of another wall, and what is said of it
+OTHER_WALLS = {
+    "shear law": ("mindlin/force NULL", "mindlin NULL", "a wall has tangential mindlin, and mindlin/force in a scene"),
+    "shear stiffness": ("force NULL", "force 1e11", "a wall has shear_stiffness 100000000000.0, and 3619"),
+    "shear damping": ("NULL 0.5", "NULL 0.25", "a wall has shear_damping 0.25, and 0.5"),
+    "damping": (" 20.0 ", " 10.0 ", "a wall has viscosity 10.0, and 20.0"),
+    "rolling": ("damping velocity", "rolling sds 1.0 0.0 0.5 damping velocity", "'fix .* rolling .*': no key of a"),
+    "limit": ("damping velocity", "damping velocity limit_damping", "'fix .* limit_damping .*': no key of a scene"),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_WALLS)
+def test_a_wall_of_another_law_is_refused(name: str, tmp_path: Path) -> None:
+    usual, own, message = OTHER_WALLS[name]
+    deck = stripped(made("damped walls"), tmp_path)
+    lines = deck.read_text().splitlines(keepends=True)
+    deck.write_text("".join(line.replace(usual, own) if "wall/gran" in line else line for line in lines))
+    with pytest.raises(SceneError, match=message):
+        described(deck)
 
 
 def _with_law(deck: Path, usual: str, own: str) -> None:
