@@ -292,11 +292,17 @@ def _stops(fix: Command) -> bool:
 
 
 def _later(reading: Reading, recorded: Recorded) -> Iterator[str]:
-    """Yield commands between the runs that write the dump, after which spheres no longer do what they did."""
+    """Yield commands in and between the runs that write the dump, after which spheres no longer do what they did."""
     commands = reading.commands
     runs = [n for n, each in enumerate(commands) if any(each is stage.command for stage in reading.stages)]
-    for command in commands[_place(reading, recorded.stage.command) + 1 : runs[-1]]:
+    for command in commands[_place(reading, recorded.stage.command) : runs[-1] + 1]:
         if command.name in ("undump", "clear"):
+            return
+        if command.name == "run" and "every" in command.words:  # commands after each part of the run
+            if {*command.words[command.words.index("every") + 2 :]} - {"NULL"}:
+                yield str(command)
+            continue
+        if command is commands[runs[-1]]:
             return
         fixes = [each for each in commands if each.name == "fix" and each.words[1:2] == command.words[1:2]]
         fix = fixes[-1] if command.name == "unfix" else command

@@ -214,6 +214,18 @@ def test_what_changes_between_two_runs_of_a_dump_is_refused(deck: Path, tmp_path
         witness(crystal)
 
 
+@pytest.mark.parametrize("runs", ["run 1000 EVERY", "run 500\nrun 500 EVERY", "run 500 EVERY\nrun 500"])
+def test_commands_within_a_run_are_kept_by_its_line(runs: str, deck: Path, tmp_path: Path) -> None:
+    path = tmp_path / "in.beads"
+    path.write_text(
+        deck.read_text().replace("run 1000", runs.replace("EVERY", 'every 100 "velocity first set 10 0 0"'))
+    )
+    (found,) = outside_of(read(path)).others
+    assert found.endswith("every 100 velocity first set 10 0 0")
+    path.write_text(deck.read_text().replace("run 1000", runs.replace("EVERY", "every 100 NULL")))
+    assert outside_of(read(path)).others == ()
+
+
 def test_what_acts_before_the_dump_begins_is_not_in_its_run(deck: Path, tmp_path: Path) -> None:
     before = (
         "fix 2 free viscous 10\nfix 1 free nve/sphere\ntimestep 2e-7\nrun 300\nunfix 2\nvelocity first set 10 3 0\n"
