@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from granular_lmp.foreign.reading import Reading
     from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.record import Record
+    from granular_lmp.runs.unnamed import Unnamed
 
 _TYPES = 32  # largest number of types in dumps adopted with one law
 
@@ -156,8 +157,6 @@ def _adopt(options: Options) -> int:
 
 
 def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
-    import numpy as np
-
     from granular_lmp.foreign.adopt_dump import Known, adopt_dump
     from granular_lmp.foreign.apart import read_apart
     from granular_lmp.foreign.known import dumps_of, known_of, law_of
@@ -194,11 +193,11 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
     end = f"{record.time[0]:.6g} to {record.time[-1]:.6g} {'s' if record.in_si else 'units of time'}"
     say(f"{folder}: {len(record.spheres)} spheres, {len(record)} snapshots, {end}")
     if decks:
-        _say_scene(Path(f"{folder}.toml"), reading, known, float(np.diff(record.time[:2]).sum()), options)
+        _say_scene(Path(f"{folder}.toml"), reading, known, record, options)
     return 0
 
 
-def _say_scene(path: Path, reading: "Reading", known: "Known", sample: float, options: Options) -> None:
+def _say_scene(path: Path, reading: "Reading", known: "Known", record: "Unnamed", options: Options) -> None:
     """Write the scene that describes the crystal of a foreign deck, or say why none does."""
     from granular_lmp.errors import GranularError
     from granular_lmp.foreign.to_scene import lines, scene_of
@@ -210,7 +209,7 @@ def _say_scene(path: Path, reading: "Reading", known: "Known", sample: float, op
         remark("note: no scene is sought where options replace what the deck says")
         return
     try:
-        found = scene_of(reading, known, path.stem, sample)
+        found = scene_of(reading, known, path.stem, record.time)
     except GranularError as error:
         remark(f"note: no scene describes this crystal: {error}")
         return

@@ -47,6 +47,7 @@ _UNLOADED = 1e-6  # of the pull-off force: less load is the rounding of places
 _LEAST_STRAIN = 1e-7
 _STRAIN = 0.05  # of the static compression: more strain of the whole crystal makes its contacts unlike
 _ALIKE = 1e-9  # relative difference of radii, densities and constants that are the same
+_EVEN = 1e-6  # of the time between records: differences of times that %g prints
 _MOST_WAYS = 4  # in which a crystal lies in its lattice, each tried as a scene
 
 
@@ -71,7 +72,7 @@ class Described:
     unsaid: tuple[str, ...]
 
 
-def scene_of(reading: Reading, known: Known, name: str, sample: float) -> Described:
+def scene_of(reading: Reading, known: Known, name: str, times: Floats) -> Described:
     """Return the scene of a foreign deck.
 
     Parameters
@@ -81,8 +82,8 @@ def scene_of(reading: Reading, known: Known, name: str, sample: float) -> Descri
         Knowledge of the deck beside it.
     name : str
         Name of the scene.
-    sample : float
-        Time between two records, s; 0 if there is one record alone.
+    times : (T,) array
+        Times of the records, s.
 
     Raises
     ------
@@ -100,14 +101,14 @@ def scene_of(reading: Reading, known: Known, name: str, sample: float) -> Descri
         if number == _MOST_WAYS:
             break
         try:
-            return _described(reading, known, si, law, indexed, name, sample)
+            return _described(reading, known, si, law, indexed, name, times)
         except GranularError as error:
             troubles.append(str(error))
     raise SceneError(troubles[0])
 
 
 def _described(
-    reading: Reading, known: Known, spheres: Spheres, law: Law, indexed: Indexed, name: str, sample: float
+    reading: Reading, known: Known, spheres: Spheres, law: Law, indexed: Indexed, name: str, times: Floats
 ) -> Described:
     """Return the scene of spheres in SI units whose places in a lattice are known."""
     units, unsaid = STYLES[reading.units], list[str]()
@@ -116,9 +117,8 @@ def _described(
         unsaid.append(f"friction {law.friction:g}: nothing is sheared in a chain")
     if reading.dimension == 3 and not indexed.lattice.solid:
         unsaid.append("dimension 3: spheres of the scene move in a plane, from which no force of the deck drives them")
-    step = float(units.si(_start_of(reading).timestep, time=1))
-    steps = sum(stage.steps or 0 for stage in reading.stages)
-    times = (step, sample or step, step * steps)
+    if len(times) > 1 and np.ptp(np.diff(times)) > _EVEN * np.diff(times).max():
+        unsaid.append("snapshots at uneven times: the scene has records as far apart as the nearest two")
     failed: GranularError | None = None
     periodic = (np.abs(indexed.turn) @ np.array(reading.periodic) > 0).tolist()
     for sphere, load, touching in _spheres(spheres, law, indexed, units, periodic=periodic[1]):
@@ -130,7 +130,7 @@ def _described(
             tables["start"] = {"touching": True}
         effects = partial(_effects, law, spheres, known.outside, units, indexed)
         try:
-            for more in begins(tables, motion, effects, times):
+            for more in begins(tables, motion, effects, _clock(reading, known.outside, times)):
                 scene = Scene.from_dict(more, name)
                 try:
                     like = likeness(reading, spheres, scene, indexed, known.outside)
@@ -140,6 +140,19 @@ def _described(
         except GranularError as error:
             failed = failed or error
     raise failed or SceneError("nothing moves at the beginning of its first long run, and a scene says what moves")
+
+
+def _clock(reading: Reading, outside: Outside, times: Floats) -> tuple[float, float, float]:
+    """Return the time of a step, the time between records, and that of the last one from the beginning of the run, s.
+
+    Of fewer than two records these are the step and the time of the run.
+    """
+    start = _start_of(reading)
+    step = float(STYLES[reading.units].si(start.timestep, time=1))
+    if len(times) < 2:
+        return step, step, step * (start.steps or 1)
+    begin = min(step * (outside.begin or 0), float(times[0]))
+    return step, float(np.diff(times).min()), float(times[-1]) - begin
 
 
 # --- what is refused before a lattice is sought -----------------------------------------------------------------------

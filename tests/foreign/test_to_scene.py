@@ -130,7 +130,7 @@ REFUSED_MORE = ("gaps", "a drive", "two ways to move", "rest before", "rolling",
 
 def described(deck: Path) -> Described:
     reading = read(deck)
-    return scene_of(reading, known_of(reading, Known())[0], "plain", 0.0)
+    return scene_of(reading, known_of(reading, Known())[0], "plain", np.empty(0))
 
 
 def made(name: str) -> Scene:
@@ -206,7 +206,7 @@ WRONG = {
 def adhesive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Reading, Described]:
     """A deck and its scene."""
     reading = read(stripped(made("adhesive sheet"), tmp_path_factory.mktemp("adhesive")))
-    return reading, scene_of(reading, known_of(reading, Known())[0], "plain", 0.0)
+    return reading, scene_of(reading, known_of(reading, Known())[0], "plain", np.empty(0))
 
 
 @pytest.mark.parametrize("key", members(WRONG, "packing.sides", "inclusion.1.spheres", "time.timestep"))
@@ -393,6 +393,10 @@ def test_adopt_writes_the_scene_beside_the_run_folder(tmp_path: Path, capsys: py
     assert found.time.timestep == pytest.approx(step, rel=1e-12)
     assert found.time.sample == pytest.approx(5 * step, rel=1e-12)
     assert found.time.duration == pytest.approx(20 * step, rel=1e-12)
+    later = tmp_path / "in.later"
+    later.write_text(f"{deck.read_text()}undump all\ntimestep 1.0\nrun 50\n")
+    assert main(["adopt", str(later), "-o", str(tmp_path / "later")]) == 0
+    assert Scene.load(tmp_path / "later.toml").time.duration == found.time.duration
     assert main(["adopt", str(deck), "-o", str(tmp_path / "other"), "--radius", "0.004"]) == 0
     assert "no scene is sought" in capsys.readouterr().err
     assert not (tmp_path / "other.toml").exists()
@@ -400,6 +404,14 @@ def test_adopt_writes_the_scene_beside_the_run_folder(tmp_path: Path, capsys: py
     assert main(["adopt", str(deck), "-o", str(tmp_path / "third")]) == 0
     assert "third.toml: exists already" in capsys.readouterr().err
     assert (tmp_path / "third.toml").read_text() == "mine"
+
+
+def test_a_scene_has_the_nearest_of_uneven_records(adhesive: tuple[Reading, Described]) -> None:
+    reading, plain = adhesive
+    unit, known = plain.scene.scale.time, known_of(reading, Known())[0]
+    found = scene_of(reading, known, "plain", np.array([0.0, 2.0, 3.0, 6.0]) * unit)
+    assert (found.scene.time.sample, found.scene.time.duration) == (pytest.approx(1.0), pytest.approx(6.0))
+    assert [each[:26] for each in found.unsaid] == ["snapshots at uneven times:"]
 
 
 def test_the_deck_of_the_page_is_a_chain_under_load() -> None:
