@@ -1,6 +1,7 @@
 """Commands for one run, new or existing: run, kick, resume, adopt, accept."""
 
 import argparse
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -163,6 +164,7 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
     from granular_lmp.foreign.local_columns import local_dumps
     from granular_lmp.lammps.custom_dump import is_dump
     from granular_lmp.lammps.local_dump import is_local
+    from granular_lmp.runs.directory import absolute
 
     if options.scene or changes:
         raise RunFolderError(
@@ -193,7 +195,8 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
     end = f"{record.time[0]:.6g} to {record.time[-1]:.6g} {'s' if record.in_si else 'units of time'}"
     say(f"{folder}: {len(record.spheres)} spheres, {len(record)} snapshots, {end}")
     if decks:
-        _say_scene(Path(f"{folder}.toml"), reading, known, record, options)
+        place = Path(folder) if Path(folder).name else absolute(folder)
+        _say_scene(place.with_name(f"{place.name}.toml"), reading, known, record, options)
     return 0
 
 
@@ -205,13 +208,14 @@ def _say_scene(path: Path, reading: "Reading", known: "Known", record: "Unnamed"
     if path.exists() and not options.force:
         remark(f"note: {path}: exists already, so that no scene was sought; use --force to replace it")
         return
+    left = f"; {path} is of an earlier deck" if path.exists() else ""
     if options.units or options.timestep or options.radius or options.density or options.law:
-        remark("note: no scene is sought where options replace what the deck says")
+        remark(f"note: no scene is sought where options replace what the deck says{left}")
         return
     try:
-        found = scene_of(reading, known, path.stem, record.time)
+        found = scene_of(reading, known, re.sub(r"[^\w-]", "_", path.stem, flags=re.ASCII), record.time)
     except GranularError as error:
-        remark(f"note: no scene describes this crystal: {error}")
+        remark(f"note: no scene describes this crystal: {error}{left}")
         return
     found.scene.write(path)
     for line in lines(found, path):
