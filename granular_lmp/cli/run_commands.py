@@ -186,6 +186,8 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
         dumps = dumps or [str(each) for each in dumps_of(reading)]
         of_deck = {path.resolve(): found for path, found in local_dumps(reading).items()}
         contacts = {path: words or of_deck.get(path.resolve()) for path in contacts or of_deck}
+    if words and not contacts:
+        raise RunFolderError(f"columns = {options.columns}: no dump of contacts is there to have them; name it")
     if not dumps:
         raise RunFolderError(f"{options.source[0]}: is a dump of contacts; name the dump of their spheres too")
     folder = options.output or f"runs/{Path(options.source[0]).name.partition('.')[2] or 'adopted'}"

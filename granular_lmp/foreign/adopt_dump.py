@@ -190,7 +190,12 @@ def _contacts(dumps: Mapping[Path, Sequence[str] | None], reading: "_Reading") -
         if snapshot is None:
             raise RunFolderError(f"{path}: holds no whole snapshot")
         begins.append((snapshot.step, path, checked_words(path, snapshot.names, dumps[path])))
-    for _, path, words in sorted(begins):
+    begins.sort(key=lambda each: each[:2])
+    for (step, path, words), (other, after, others) in pairwise(begins):
+        _refuse_together((step, path), (other, after))
+        if {*words} & {*WORDS} != {*others} & {*WORDS}:
+            raise RunFolderError(f"{after}: holds {', '.join(others)}, and {path.name} {', '.join(words)}; choose one")
+    for _, path, words in begins:
         kept = [(n, word) for n, word in enumerate(words) if word in WORDS]
         names, factors = [word for _, word in kept], [_factor(units, *WORDS[word]) for _, word in kept]
         for each in local_snapshots(path, reading.say):
@@ -213,11 +218,8 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
             raise RunFolderError(f"{path}: holds no whole snapshot")
         groups.setdefault(frozenset(first.columns), []).append((first.step, path))
     for each in groups.values():
-        for (step, path), (other, after) in pairwise(sorted(each)):
-            if step == other:
-                raise RunFolderError(
-                    f"{after}: begins at step {step}, as {path.name} does; dumps of one run follow one another"
-                )
+        for one, other in pairwise(sorted(each)):
+            _refuse_together(one, other)
     streams = [_following([path for _, path in sorted(each)], say) for each in groups.values()]
     while True:
         heads = [next(stream, None) for stream in streams]
@@ -234,6 +236,15 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
         if not whole:
             return
         yield _merged(whole)
+
+
+def _refuse_together(one: tuple[int, Path], other: tuple[int, Path]) -> None:
+    """Raise RunFolderError where two dumps with the same columns begin at one step."""
+    (step, path), (begin, after) = one, other
+    if step == begin:
+        raise RunFolderError(
+            f"{after}: begins at step {step}, as {path.name} does; dumps of one run follow one another"
+        )
 
 
 def _following(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
