@@ -304,6 +304,6 @@ def _by_pair(reading: Reading, place: NDArray[np.int64]) -> tuple[NDArray[np.int
     one, other = place[near.i], place[near.j]
     pair = np.minimum(one, other) * len(place) + np.maximum(one, other)
     ascending = np.lexsort((normal, pair))
-    law, size = reading.laws[(int(spheres.type[0]),) * 2], spheres.radius[:1]
+    law, size = reading.laws[(int(spheres.type[0]),) * 2], spheres.radius.max(keepdims=True)
     alone = law.stiffnesses(size / 2, _SHALLOW * size)
     return pair[ascending], np.append(normal[ascending], alone[0]), np.append(shear[ascending], alone[1])

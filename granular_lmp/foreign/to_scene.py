@@ -93,11 +93,11 @@ def scene_of(reading: Reading, known: Known, name: str, times: Floats) -> Descri
     spheres, units = _whole(reading, known.outside), STYLES[reading.units]
     law = _one_law(reading, spheres)
     si = _in_si(spheres, units)
-    cell = np.diag(units.si(np.subtract(reading.high, reading.low), length=1))
+    edges = units.si(np.subtract(reading.high, reading.low), length=1)
     radius, apart = _most(si.radius), neighbours(si.position)
     strain = max(_STRAIN * (1 - apart / (2 * radius)), _LEAST_STRAIN)
     troubles = []
-    for number, indexed in enumerate(index(si.position, cell, np.array(reading.periodic), strain)):
+    for number, indexed in enumerate(index(si.position, edges, np.array(reading.periodic), strain)):
         if number == _MOST_WAYS:
             break
         try:
@@ -172,6 +172,8 @@ def _whole(reading: Reading, outside: Outside) -> Spheres:
         raise SceneError("a run or a minimization comes before the one that is recorded, and is not executed here")
     if reading.units not in STYLES or reading.units == "lj":
         raise SceneError(f"units {reading.units}: a scene is in SI units")
+    if any(reading.tilt) and any(reading.periodic):
+        raise SceneError("the box is tilted, and that of a scene is not")
     for command in reading.commands:
         if command.name not in _READ or (command.name == "neigh_modify" and "exclude" in command.words):
             raise SceneError(f"'{command}': no key of a scene says what it does")
@@ -409,7 +411,7 @@ def _differing(spheres: Spheres, indexed: Indexed, sphere: Sphere) -> dict[str, 
 def _effects(
     law: Law, spheres: Spheres, outside: Outside, units: Units, indexed: Indexed, *, held: bool
 ) -> dict[str, Any]:
-    """Return the table ``[effects]`` of a law, and ``[contact]`` for a shear stiffness that was measured."""
+    """Return the table ``[effects]`` of a law."""
     turns = bool(spheres.turns.any())
     sheared = law.has_history and law.friction > 0
     effects: dict[str, Any] = {}

@@ -184,6 +184,18 @@ def test_the_scene_of_a_plain_deck_is_the_first_one(name: str, turned: bool, tmp
     assert max(like.normal, like.shear, like.force, like.spheres) < 1e-4
 
 
+def test_the_order_in_which_lammps_holds_spheres_does_not_count(tmp_path: Path) -> None:
+    deck = stripped(made("chain of unequal spheres"), tmp_path)
+    data = deck.with_name("data.plain")
+    before, title, rest = data.read_text().partition("\n\nAtoms # sphere\n\n")
+    lines, *others = rest.split("\n\n")
+    spheres = lines.split("\n")
+    turned = "\n".join(spheres[2:] + spheres[:2])  # a small sphere is the first
+    data.write_text(before + title + "\n\n".join([turned, *others]))
+    deck.write_text(deck.read_text().replace("newton off", "newton off\natom_modify sort 0 0"))
+    assert described(deck).likeness.normal < 1e-4
+
+
 def test_another_scene_is_seen_by_that_comparison() -> None:
     scene = made("chain")
     for key, value in (("sphere.density", 7801.0), ("packing.first", "free"), ("effects.restitution", 0.89)):
@@ -274,6 +286,11 @@ NEARLY: dict[str, tuple[str, dict[str, Any], str]] = {
     "two materials": ("square sheet", {"law": "A"}, "contacts of types 1 1 and . 2 have other laws"),
     "springs": ("square sheet", {"law": "hooke 1e5 0.0 tangential linear_history 1e5 0.0 0.5"}, "says hooke"),
     "rolling": ("sheet with friction", {"law": "rolling sds 1.0 0.0 0.5"}, "rolling of a foreign deck is not read"),
+    "a tilted box": (
+        "pressed sheet",
+        {"more": "change_box all triclinic xy final 1e-4"},
+        "the box is tilted, and that",
+    ),
     "a mode of damping": ("square sheet", {"law": "damping tsuji"}, "damping tsuji: a scene has"),
 }
 
