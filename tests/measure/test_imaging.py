@@ -275,6 +275,16 @@ def test_contacts_that_open_on_the_way_are_named(traces: Traces) -> None:
     assert "contacts opened, first pair" in sought.trouble(np.full(len(sought.owners), 0.3))
 
 
+def test_records_of_other_spheres_or_times_are_another_search(traces: Traces) -> None:
+    shot = imaging.Shot.of(traces, scene())
+    runs = [
+        replace(shot.run, spheres=shot.run.spheres[::-1]),
+        replace(shot.run, step=2 * shot.run.step),
+        replace(shot.run, every=2 * shot.run.every),
+    ]
+    assert len({image.digest_of([replace(shot, run=run)]) for run in (shot.run, *runs)}) == 4
+
+
 @pytest.mark.more  # it takes as long as the image above
 def test_the_command_leaves_map_log_and_picture_and_overwrites_none(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
