@@ -11,6 +11,7 @@ from granular_analysis.measure.stepping import NetworkEngine
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.tools.design import main
 from granular_lmp import Record, Scene, run
+from granular_lmp.runs.folder import locked
 from tests.conftest import members
 
 design = pytest.importorskip("granular_analysis.theory.network_design", reason="needs JAX")
@@ -218,6 +219,8 @@ def test_the_same_command_again_continues_and_any_other_is_refused(folder: Path)
     after = (folder / "found/evaluations.bin").read_bytes()
     assert after[: len(before)] == before
     assert len(after) == len(before) * 4 // 3
+    with locked(folder / "found"), pytest.raises(SystemExit, match="found: another run is in progress there"):
+        main(asked(folder, 4))
     with pytest.raises(SystemExit, match="found: holds another search"):
         main(asked(folder, 4, **{"--per": "row"}))
     (folder / "found/design.json").unlink()

@@ -4,6 +4,7 @@ import csv
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from granular_analysis.tools.image import QUANTITIES
 from granular_lmp import Scene, run
 from granular_lmp.errors import GranularError
 from granular_lmp.runs.export import export
+from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import Record
 from tests.conftest import members
 
@@ -283,6 +285,12 @@ def test_records_of_other_spheres_or_times_are_another_search(traces: Traces) ->
         replace(shot.run, every=2 * shot.run.every),
     ]
     assert len({image.digest_of([replace(shot, run=run)]) for run in (shot.run, *runs)}) == 4
+
+
+def test_the_folder_of_a_search_that_runs_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(image, "_sought", lambda _: SimpleNamespace(owners=(), points=0, shots=()))
+    with locked(tmp_path), pytest.raises(SystemExit, match="another run is in progress there"):
+        image.main(["runs/any", "scene.toml", "--of", "density", "-o", str(tmp_path)])
 
 
 @pytest.mark.more  # it takes as long as the image above

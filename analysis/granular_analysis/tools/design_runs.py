@@ -19,6 +19,7 @@ from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network_design import Best, Design, Evaluation, improved
 from granular_analysis.tools.kept import begun
 from granular_lmp.cli.output import interruptible
+from granular_lmp.runs.folder import locked
 
 SCENE, TABLE, LOG, ASKED = "scene.toml", "spheres.csv", "log.csv", "design.json"
 INTERRUPTED = 130
@@ -72,22 +73,23 @@ def search(chosen: argparse.Namespace) -> int:
         begin = design.begin(chosen.start)
         digest = hashlib.sha256(scene.to_toml().encode()).hexdigest()
         asked = {"scene_sha256": digest, "maximize": chosen.maximize, "within": [low, high], "per": chosen.per}
-        kept = Kept(folder, asked | robust | {"start": chosen.start, "numbers": len(begin)})
-        uniform = design.value(np.ones(len(begin)))
-        known = list(kept.evaluations)
-        with interruptible() as progress:
+        with locked(folder, make=True, force=True):
+            kept = Kept(folder, asked | robust | {"start": chosen.start, "numbers": len(begin)})
+            uniform = design.value(np.ones(len(begin)))
+            known = list(kept.evaluations)
+            with interruptible() as progress:
 
-            def noted(found: Evaluation) -> None:
-                kept.add(found)
-                if progress is not None:
-                    progress(len(kept.evaluations), chosen.evaluations)
+                def noted(found: Evaluation) -> None:
+                    kept.add(found)
+                    if progress is not None:
+                        progress(len(kept.evaluations), chosen.evaluations)
 
-            best = improved(design, begin, chosen.evaluations, known, noted)
-        kept.write_log(uniform)
-        made = designed(scene, best.densities[groups])
-        table = made.packing.table
-        write(folder / TABLE, "".join(table.pieces()))
-        write(folder / SCENE, made.to_toml().replace(f'"{table}"', f'"{TABLE}"'))
+                best = improved(design, begin, chosen.evaluations, known, noted)
+            kept.write_log(uniform)
+            made = designed(scene, best.densities[groups])
+            table = made.packing.table
+            write(folder / TABLE, "".join(table.pieces()))
+            write(folder / SCENE, made.to_toml().replace(f'"{table}"', f'"{TABLE}"'))
     print(said(chosen, best, design, uniform))
     return INTERRUPTED if best.interrupted else 0
 

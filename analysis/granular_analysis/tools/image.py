@@ -25,6 +25,7 @@ from granular_analysis.theory.imaging import WEIGHTS, Image, Trial, widths
 from granular_analysis.tools.kept import begun
 from granular_lmp.cli.arguments import changes_argument
 from granular_lmp.cli.output import interruptible
+from granular_lmp.runs.folder import locked
 from granular_lmp.runs.seal import scene_digest
 
 if TYPE_CHECKING:  # slow to import, and the last needs JAX
@@ -86,14 +87,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         NetworkEngine.on(options.device)
         sought = _sought(options)
         print(f"{len(sought.owners)} values of {options.of}, {sought.points} numbers of {len(sought.shots)} records")
-        found = _searched(sought, options, folder)
-        resolved, errors = found.resolution()
+        with locked(folder, make=True, force=True):
+            found = _searched(sought, options, folder)
+            _write(sought, found, folder)
+    return 0
+
+
+def _write(sought: "Sought", found: Image, folder: Path) -> None:
+    """Print what the image shows, and write map and picture."""
+    resolved, errors = found.resolution()
     width = widths(resolved, len(sought.owners) / len(sought.first.network.position), sought.first.network.dimension)
     print(said(sought, found, resolved, errors, width))
     head, rows = table(sought, found, resolved, errors, width)
     write_csv(folder / MAP, head, rows)
     save(figure(sought, found), folder / PICTURE)
-    return 0
 
 
 def _sought(options: argparse.Namespace) -> "Sought":
