@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from granular_analysis.measure.traces import Traces
+from granular_analysis.measure.traces import Traces, rms
 from granular_analysis.theory.imaging import NEAR
 from granular_analysis.tools import image
 from granular_analysis.tools.image import QUANTITIES
@@ -82,9 +82,9 @@ def of_rim(traces: Traces, noise: float) -> "imaging.Sought":
     """Return what is sought by the spheres of the rim, with noise; the others measure nothing."""
     rng = np.random.default_rng(1)
     keep = [place in RIM for place in zip(traces.row.tolist(), traces.column.tolist(), strict=True)]
-    rms = replace(traces, motion={name: each[:, keep] for name, each in traces.motion.items()}).rms
+    size = rms({name: each[:, keep] for name, each in traces.motion.items()})
     motion = {
-        name: np.where(keep, each + noise * rms * rng.normal(size=each.shape), np.nan)
+        name: np.where(keep, each + noise * size * rng.normal(size=each.shape), np.nan)
         for name, each in traces.motion.items()
     }
     return imaging.Sought([imaging.Shot.of(replace(traces, motion=motion), scene(), noise)], "contact.normal_stiffness")
@@ -275,6 +275,17 @@ def test_contacts_that_open_on_the_way_are_named(traces: Traces) -> None:
     sought = imaging.Sought([imaging.Shot.of(traces, strong)], "adhesion")
     assert sought.trouble(np.ones(len(sought.owners))) == ""
     assert "contacts opened, first pair" in sought.trouble(np.full(len(sought.owners), 0.3))
+
+
+def test_the_share_of_the_noise_is_of_the_times_of_the_run(traces: Traces) -> None:
+    """Zeros before the start, and motion after the end, change no error; a trace that rests has none."""
+    apart, count = traces.time[1], len(traces.time)
+    longer = {name: np.concatenate([0 * each, each, 9 * each]) for name, each in traces.motion.items()}
+    others = replace(traces, time=apart * np.arange(-count, 2 * count), motion=longer)
+    expected, found = (imaging.Shot.of(each, scene(), NOISE).errors for each in (traces, others))
+    assert found == pytest.approx(expected, rel=1e-9)
+    with pytest.raises(ValueError, match="has no motion after the start of the run, and within its duration"):
+        imaging.Shot.of(replace(others, time=others.time + apart * count), scene(), NOISE)
 
 
 def test_records_of_other_spheres_or_times_are_another_search(traces: Traces) -> None:

@@ -19,7 +19,7 @@ from granular_analysis.theory.errors import TheoryError
 from granular_lmp.runs.record import Record, Scene
 from granular_lmp.scene.spreadsheets import TableError
 
-__all__ = ["Traces"]
+__all__ = ["Traces", "rms"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -95,12 +95,6 @@ class Traces:
             raise ValueError(f"{self.said}: must have at least {_FEWEST} times with equal steps between them")
         return self
 
-    @property
-    def rms(self) -> float:
-        """Return the root mean square of all values."""
-        values = np.concatenate([each[np.isfinite(each)] for each in self.motion.values()])
-        return float(np.sqrt(np.mean(values**2)))
-
     def spheres(self, scene: Scene, position: Floats) -> Integers:
         """Return the index of each sphere in a scene, (n,); TheoryError for a place that the scene lacks or has twice.
 
@@ -123,6 +117,12 @@ class Traces:
         return {
             name: np.array([_splined(self.time, own, grid) for own in each.T]).T for name, each in self.motion.items()
         }
+
+
+def rms(motion: Mapping[str, Floats]) -> float:
+    """Return the root mean square of all values of traces that are there, 0 without any."""
+    values = np.concatenate([each[np.isfinite(each)] for each in motion.values()])
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 def _splined(time: Floats, values: Floats, grid: Floats) -> Floats:
