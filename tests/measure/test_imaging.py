@@ -246,6 +246,14 @@ def test_a_gap_takes_no_more_of_a_trace_than_what_lies_beside_it(tmp_path: Path)
     assert known.sum(axis=0).tolist() == [known.shape[0] - 1 - 2, known.shape[0] - 1]
 
 
+def test_a_time_at_which_no_sphere_was_measured_is_a_gap_of_all(tmp_path: Path) -> None:
+    lines = [f"{10 * n},0,{column},{'nan' if n == 2 else column}" for n in range(6) for column in (1, 2)]
+    (tmp_path / "gap.csv").write_text("\n".join(["t_ns,row,column,u_nm", *lines, "90,0,1,"]))
+    found = Traces.read(tmp_path / "gap.csv")
+    assert found.time == pytest.approx(1e-8 * np.arange(6), rel=1e-12)
+    assert np.isnan(found.motion["displacement_x"]).all(axis=1).tolist() == [n == 2 for n in range(6)]
+
+
 def test_all_that_the_command_offers_is_known() -> None:
     assert tuple(imaging.OF) == QUANTITIES
 

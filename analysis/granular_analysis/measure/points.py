@@ -137,6 +137,18 @@ def read(file: str | Path, only: Collection[str] = ()) -> tuple[list[Point], Tab
     return points, table
 
 
+def empty_times(table: Table, points: Iterable[Point]) -> list[float]:
+    """Return the times of rows without a value, s; `points` are those of the table."""
+    place = next((n for n, each in enumerate(table.columns) if each.quantity == "time"), None)
+    lines, found = {each.line for each in points}, []
+    for line, cells in table.rows:
+        if place is None or line in lines or not cells[place]:
+            continue
+        if not any(column.quantity in KINDS for column, _ in _filled(table.columns, cells)):
+            found.append(value_of(cells[place]) * TIMES[table.columns[place].unit])
+    return found
+
+
 def _filled(columns: Sequence[Column], cells: Sequence[str]) -> Iterator[tuple[Column, str]]:
     """Yield the cells of a row that hold something, beside their columns; nan of a trace is nothing."""
     for column, cell in zip(columns, cells, strict=True):

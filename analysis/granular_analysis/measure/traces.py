@@ -73,11 +73,14 @@ class Traces:
     @classmethod
     def of_table(cls, path: str | Path) -> "Traces":
         """Return the traces of a table."""
-        measured, _ = points.read(path, [*_TAKEN[0], *_TAKEN[1]])
+        measured, table = points.read(path, [*_TAKEN[0], *_TAKEN[1]])
         there = {each.kind for each in measured}
         names = next(names for names in _TAKEN if there.intersection(names))
         own = [each for each in measured if each.kind in names]
-        times, when = np.unique([each.time for each in own], return_inverse=True)
+        moments = np.array([each.time for each in own])
+        gaps = np.array(points.empty_times(table, measured))
+        times = np.unique([*moments, *gaps[(gaps > moments.min()) & (gaps < moments.max())]])
+        when = np.searchsorted(times, moments)
         places, where = np.unique([(each.row, each.column, each.layer) for each in own], axis=0, return_inverse=True)
         which = [*zip((each.kind for each in own), when.tolist(), where.ravel().tolist(), strict=True)]
         if len({*which}) < len(which):
