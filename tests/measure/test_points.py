@@ -64,6 +64,22 @@ def test_a_row_of_traces_has_the_error_of_each_in_its_unit_and_some_may_be_taken
         read(tmp_path / "data.csv", ["spin_z"])
 
 
+def test_an_error_of_a_trace_with_a_gap_is_not_of_another_in_its_row(tmp_path: Path) -> None:
+    text = "time_ns,row,displacement_y_nm,velocity_y_mm/s,error_nm,error_mm/s\n2,1,,4,0.5,0.25\n3,1,5,,0.5,0.25\n"
+    expected = [("velocity_y", 0.25e-3), ("displacement_y", 0.5e-9)]
+    assert [(each.kind, each.error) for each in table(tmp_path, text)] == expected
+    found = read(tmp_path / "data.csv", ["velocity_y"])[0]
+    assert [(each.kind, each.error) for each in found] == expected[:1]
+
+
+def test_a_trace_has_gaps_beside_points_of_other_kinds(tmp_path: Path) -> None:
+    text = "time_ns,row,displacement_x_nm,branch,frequency_MHz\n2,1,3,,\n3,1,,,\n4,1,nan,,\n,,,L,5\n"
+    assert [(each.kind, each.line) for each in table(tmp_path, text)] == [("displacement_x", 2), ("frequency", 5)]
+    for line in (",,,TR,", ",1,,,"):
+        with pytest.raises(TableError, match="line 6: must have one value of"):
+            table(tmp_path, text + line)
+
+
 HEAD = "branch,wavenumber_rad/um,frequency_MHz,error_MHz\n"
 ROWS = "L,1.0,152.6,1.5\nTR,2.0,207.7,2.1\n"
 SPELLINGS = {

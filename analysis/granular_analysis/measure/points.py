@@ -126,9 +126,11 @@ def read(file: str | Path, only: Collection[str] = ()) -> tuple[list[Point], Tab
             raise ValueError(f"has no measured column; it needs {_or(KINDS, '_UNIT')}")
         if not table.rows:
             raise ValueError("has a head and no points")
-        gaps = all(each.quantity in TRACES for each in table.columns if each.quantity in KINDS)
+        kinds = {each.quantity for each in table.columns} & KINDS.keys()
         points = [
-            point for line, cells in table.rows for point in _points(line, [*_filled(table.columns, cells)], only, gaps)
+            point
+            for line, cells in table.rows
+            for point in _points(line, [*_filled(table.columns, cells)], only, kinds)
         ]
         if not points:
             raise ValueError(f"holds no {_or(only) or 'value'}")
@@ -156,23 +158,32 @@ def _filled(columns: Sequence[Column], cells: Sequence[str]) -> Iterator[tuple[C
             yield column, cell
 
 
-def _points(line: int, cells: list[tuple[Column, str]], only: Collection[str], gaps: bool) -> Iterator[Point]:
-    """Yield the point of a row, or those of several traces; none of a row that may be a gap."""
+def _points(
+    line: int, cells: list[tuple[Column, str]], only: Collection[str], columns: Collection[str]
+) -> Iterator[Point]:
+    """Yield the point of a row, or those of several traces; none of a gap. `columns` are the kinds in the table."""
     there = {column.quantity: (column.unit, cell) for column, cell in cells if column.quantity != ERROR}
     kinds = [name for name in there if name in KINDS]
-    if gaps and not kinds:
+    if not kinds and _is_gap(there.keys(), columns):
         return
     if not kinds or (len(kinds) > 1 and not set(kinds) <= TRACES.keys()):
         raise ValueError(f"line {line}: must have one value of {_or(KINDS)}, and has {_or(kinds) or 'none'}")
-    every = set[str]().union(*(UNITS[kind] for kind in kinds))
+    every = {unit for kind in columns if kind in TRACES for unit in UNITS[kind]}
     for kind in kinds:
         if only and kind not in only:
             continue
         own = {name: each for name, each in there.items() if name == kind or name not in kinds}
-        # An error in a unit of another trace in the row is of that trace
-        other = every - UNITS[kind].keys()
+        # An error in a unit of another trace in the table is of that trace
+        other = every - UNITS[kind].keys() if kind in TRACES else set()
         errors = [each for each in cells if each[0].quantity != ERROR or each[0].unit not in other]
         yield _point(line, kind, own, errors)
+
+
+def _is_gap(there: Collection[str], columns: Collection[str]) -> bool:
+    """Return whether a row without a value may be a gap: all columns are of traces, or it says a sphere and a time."""
+    needed, allowed = next(KINDS[name] for name in TRACES)
+    traces = TRACES.keys() & columns
+    return len(traces) == len(columns) or (bool(traces) and needed <= {*there} <= needed | allowed)
 
 
 def _point(line: int, kind: str, there: dict[str, tuple[str, str]], cells: list[tuple[Column, str]]) -> Point:
