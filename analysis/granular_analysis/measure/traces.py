@@ -73,7 +73,7 @@ class Traces:
     @classmethod
     def of_table(cls, path: str | Path) -> "Traces":
         """Return the traces of a table."""
-        measured, table = points.read(path, [*_TAKEN[0], *_TAKEN[1]])
+        measured, table = points.read(path, *_TAKEN)
         there = {each.kind for each in measured}
         names = next(names for names in _TAKEN if there.intersection(names))
         own = [each for each in measured if each.kind in names]
