@@ -14,7 +14,7 @@ and, if it has one, its standard error: in ``error_…`` with a unit of that qua
 name (L, TR, RT) or a number from 1, the lowest; an empty one is that with the nearest frequency. An empty wave number
 is 0, an empty direction that of the scene. Every other cell that a row needs must be filled. A row of traces may have
 several of them, as the tables that ``granular-lmp export`` writes of monitors and of recorded spheres. A trace may have
-gaps, which are empty or nan, and times before the start of the run.
+gaps, which are empty or nan, and times before the start of the run, which are left out.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
