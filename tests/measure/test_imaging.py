@@ -198,6 +198,8 @@ def test_a_table_of_traces_is_read_as_a_person_reads_it(name: str, tmp_path: Pat
             "row 30, column 2, layer 0: no sphere",
         ),
         ("t_ns,row,column,u_nm", [f"{n},0,1," for n in range(5)], "holds no displacement_x"),
+        ("t_ns,row,column,u_nm,error_%", [line + ",5" for line in TABLE], "column error_%: is not used here; leave it"),
+        ("t_ns,row,column,u_nm,error_nm", [line + ",5" for line in TABLE], "column error_nm: is not used here"),
         ("t_ns,row,column,w_nm", TABLE, "has displacement_z, and the spheres of the scene stay in a plane"),
     ],
 )
@@ -207,6 +209,15 @@ def test_tables_that_cannot_be_understood_are_refused(
     (tmp_path / "trace.csv").write_text("\n".join([head, *lines]))
     with pytest.raises((GranularError, ValueError), match=message):
         imaging.Shot.of(Traces.read(tmp_path / "trace.csv"), scene())
+
+
+def test_the_command_prints_how_a_table_was_understood(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "trace.csv").write_text("\n".join(["t_ns,row,column,u_nm", *(f"{10 * n},30,2,1" for n in range(4))]))
+    (tmp_path / "sheet.toml").write_text(scene().to_toml())
+    with pytest.raises(SystemExit, match="row 30, column 2, layer 0: no sphere"):
+        image.main([str(tmp_path / "trace.csv"), str(tmp_path / "sheet.toml"), "--of", "density"])
+    expected = f"{tmp_path / 'trace.csv'}: 4 rows: time in ns, row, column, displacement_x in nm"
+    assert capsys.readouterr().out.strip() == expected
 
 
 def test_a_table_at_other_times_is_met_by_a_spline(tmp_path: Path) -> None:

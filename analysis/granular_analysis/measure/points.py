@@ -117,7 +117,9 @@ class Point:
         return self.kind in TRACES
 
 
-def read(file: str | Path, only: Collection[str] = (), otherwise: Collection[str] = ()) -> tuple[list[Point], Table]:
+def read(
+    file: str | Path, only: Collection[str] = (), otherwise: Collection[str] = (), *, errors: bool = True
+) -> tuple[list[Point], Table]:
     """Return the points of a table, and the table as it was understood.
 
     Parameters
@@ -125,6 +127,7 @@ def read(file: str | Path, only: Collection[str] = (), otherwise: Collection[str
     file : str or Path
     only : the kinds that are taken, all if there are none.
     otherwise : those that are taken where the table has no point of `only`.
+    errors : whether the table may have errors.
 
     Raises GranularError for a file that cannot be read, and for what is not understood.
     """
@@ -134,6 +137,8 @@ def read(file: str | Path, only: Collection[str] = (), otherwise: Collection[str
             raise ValueError(f"has no measured column; it needs {_or(KINDS, '_UNIT')}")
         if not table.rows:
             raise ValueError("has a head and no points")
+        if not errors and (refused := [each.unit for each in table.columns if each.quantity == ERROR]):
+            raise ValueError(f"column error_{refused[0]}: is not used here; leave it out, and give --noise SHARE")
         points = [*_points_of(table, only)]
         if otherwise and not points:
             points = [*_points_of(table, otherwise)]

@@ -1,8 +1,8 @@
 """Measured motion of spheres at equally spaced times: of the monitors of a run, or of a table of measured points.
 
-Tables are those of `granular_analysis.measure.points`, as ``granular-lmp export RUN --monitor NAME`` writes them too.
-Displacements are taken where there are any, else velocities. A table may have gaps, and times before the start of the
-run.
+Tables are those of `granular_analysis.measure.points`, without errors, as ``granular-lmp export RUN --monitor NAME``
+writes them too. Displacements are taken where there are any, else velocities. A table may have gaps, and times before
+the start of the run.
 """
 
 from collections.abc import Iterable, Mapping
@@ -38,6 +38,7 @@ class Traces:
     time : (T,)
     row, column, layer : (n,); −1 for a column or layer that a table leaves out.
     motion : (T, n) by the name of a trace, of displacements or of velocities; nan where nothing was measured.
+    understood : how a table was understood, "" of a run.
     """
 
     said: str
@@ -46,6 +47,7 @@ class Traces:
     column: Integers
     layer: Integers
     motion: Mapping[str, Floats]
+    understood: str = ""
 
     @classmethod
     def read(cls, path: str | Path) -> "Traces":
@@ -73,7 +75,7 @@ class Traces:
     @classmethod
     def of_table(cls, path: str | Path) -> "Traces":
         """Return the traces of a table."""
-        measured, table = points.read(path, *_TAKEN)
+        measured, table = points.read(path, *_TAKEN, errors=False)
         there = {each.kind for each in measured}
         names = next(names for names in _TAKEN if there.intersection(names))
         own = [each for each in measured if each.kind in names]
@@ -89,7 +91,7 @@ class Traces:
         for (name, moment, place), each in zip(which, own, strict=True):
             motion[name][moment, place] = each.value
         row, column, layer = places.astype(np.intp).T
-        return cls(str(path), times, row, column, layer, motion).checked()
+        return cls(str(path), times, row, column, layer, motion, table.understood).checked()
 
     def checked(self) -> "Traces":
         """Return these; ValueError for fewer than four times, or unequal ones."""

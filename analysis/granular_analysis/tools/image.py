@@ -106,9 +106,12 @@ def _write(sought: "Sought", found: Image, folder: Path) -> None:
 def _sought(options: argparse.Namespace) -> "Sought":
     from granular_analysis.measure.imaging import Shot, Sought  # needs JAX
 
-    pairs = zip(options.shots[::2], options.shots[1::2], strict=True)
-    noise = 1.0 if options.noise is None else options.noise
-    shots = [Shot.of(Traces.read(records), scene_of(scene, options), noise) for records, scene in pairs]
+    noise, shots = 1.0 if options.noise is None else options.noise, []
+    for records, scene in zip(options.shots[::2], options.shots[1::2], strict=True):
+        traces = Traces.read(records)
+        if traces.understood:
+            print(traces.understood)
+        shots.append(Shot.of(traces, scene_of(scene, options), noise))
     return Sought(shots, options.of)
 
 
