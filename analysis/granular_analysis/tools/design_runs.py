@@ -41,9 +41,12 @@ class Kept:
             np.concatenate([[found.value], found.slope, found.numbers]).astype("<f8").tofile(stream)
         self.evaluations.append(found)
 
-    def write_log(self, uniform: float) -> None:
-        """Write the log: number, objective, the best so far, and that over the objective of the uniform crystal."""
-        values = np.array([each.value for each in self.evaluations])
+    def write_log(self, uniform: float, count: int) -> None:
+        """Write the log: number, objective, the best so far, and that over the objective of the uniform crystal.
+
+        Of the evaluations the first are written, which the search asked for; an earlier command may have made more.
+        """
+        values = np.array([each.value for each in self.evaluations[:count]])
         best = np.fmax.accumulate(values)
         head = ["evaluation", "objective", "best", "best_over_uniform"]
         write_csv(self.folder / LOG, head, zip(range(1, len(values) + 1), values, best, best / uniform, strict=True))
@@ -85,7 +88,7 @@ def search(chosen: argparse.Namespace) -> int:
                         progress(len(kept.evaluations), chosen.evaluations)
 
                 best = improved(design, begin, chosen.evaluations, known, noted)
-            kept.write_log(uniform)
+            kept.write_log(uniform, best.evaluations)
             made = designed(scene, best.densities[groups])
             table = made.packing.table
             write(folder / TABLE, "".join(table.pieces()))
