@@ -36,7 +36,7 @@ class Traces:
     ----------
     said : its file.
     time : (T,)
-    row, column, layer : (n,); −1 for a column or layer that a table leaves out.
+    row, column, layer : (n,); −1 for a column or layer that a table leaves out, and for the layer of a monitor.
     motion : (T, n) by the name of a trace, of displacements or of velocities; nan where nothing was measured.
     understood : how a table was understood, "" of a run.
     """
@@ -68,9 +68,7 @@ class Traces:
         ways = np.concatenate([each.displacement for each in found], axis=1) * scales.length * scales.metre
         motion = {name: ways[..., axis] for axis, name in zip(range(ways.shape[2]), _TAKEN[0], strict=False)}
         row, column = (np.concatenate([getattr(each, name) for each in found]) for name in ("row", "column"))
-        layers = [each.crystal.arrays.get("layer", np.zeros(len(each.crystal), dtype=np.intp)) for each in found]
-        layer = np.concatenate([own[each.spheres] for own, each in zip(layers, found, strict=True)])
-        return cls(str(record.folder), times, row, column, layer, motion).checked()
+        return cls(str(record.folder), times, row, column, np.full_like(row, -1), motion).checked()
 
     @classmethod
     def of_table(cls, path: str | Path) -> "Traces":
