@@ -29,6 +29,11 @@ _CHANGING = (
     *("velocity", "set", "displace_atoms", "delete_atoms", "create_atoms", "change_box", "pair_style", "pair_coeff"),
     *("timestep", "minimize"),
 )
+# Spacings of lattices along x, y and z over their scale, without options
+_SPACINGS = dict.fromkeys(("none", "sq", "sq2", "sc", "bcc", "fcc", "diamond"), (1.0, 1.0, 1.0)) | {
+    "hex": (1.0, 3**0.5, 1.0),
+    "hcp": (1.0, 3**0.5, (8 / 3) ** 0.5),
+}
 _FLAT = 1e-9  # of the radius: places of spheres in one plane differ by less
 
 
@@ -214,12 +219,15 @@ class _Found:
 
         Return whether it is known.
         """
-        kind, numbers, begin = fix.words[4], _numbers(fix.words[5:]), self.recorded.begin
+        kind, words, begin = fix.words[4], fix.words[5:], self.recorded.begin
+        in_box = words[-2:] == ("units", "box")
+        spacing = (1.0, 1.0, 1.0) if in_box else _spacing(self.reading, fix)
+        numbers = _numbers(words[:-2] if in_box or words[-2:] == ("units", "lattice") else words)
         if numbers is None or len(numbers) != {"linear": 3, "wiggle": 4}.get(kind) or begin is None:
             return False
-        if self._ran_since(fix):
+        if spacing is None or self._ran_since(fix):
             return False
-        way, none = (numbers[0], numbers[1], numbers[2]), (0.0, 0.0, 0.0)
+        way, none = (numbers[0] * spacing[0], numbers[1] * spacing[1], numbers[2] * spacing[2]), (0.0, 0.0, 0.0)
         spheres = tuple(np.sort(self.spheres.id[members]).tolist())
         parts = (way, none, 1.0) if kind == "linear" else (none, way, numbers[3])
         self.motions.append(Motion(spheres, *parts, begin))
@@ -271,6 +279,25 @@ class _Found:
 def _place(reading: Reading, command: Command) -> int:
     """Return the place of a command in the order of execution; in a loop a line comes several times."""
     return next(n for n, each in enumerate(reading.commands) if each is command)
+
+
+def _spacing(reading: Reading, fix: Command) -> Vector | None:
+    """Return the distances of the lattice along x, y and z where a fix is made; None if they are not known.
+
+    Without ``lattice`` they are 1. In units lj its number is a density, and its options may turn or stretch the cell.
+    """
+    found: Vector | None = (1.0, 1.0, 1.0)
+    for command in reading.commands[: _place(reading, fix)]:
+        if command.name == "clear":
+            found = (1.0, 1.0, 1.0)
+        elif command.name == "lattice":
+            style, *rest = command.words[1:]
+            numbers, factors = _numbers(tuple(rest)), _SPACINGS.get(style)
+            known = numbers is not None and len(numbers) == 1 and (reading.units != "lj" or style == "none")
+            found = None
+            if known and numbers and factors:
+                found = (numbers[0] * factors[0], numbers[0] * factors[1], numbers[0] * factors[2])
+    return found
 
 
 def _numbers(words: tuple[str, ...]) -> list[float] | None:

@@ -10,7 +10,9 @@ import pytest
 from granular_analysis.measure.stepping import NetworkEngine
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.tools.design import main
+from granular_analysis.tools.kept import begun
 from granular_lmp import Record, Scene, run
+from granular_lmp.runs.folder import locked
 from tests.conftest import members
 
 design = pytest.importorskip("granular_analysis.theory.network_design", reason="needs JAX")
@@ -218,11 +220,34 @@ def test_the_same_command_again_continues_and_any_other_is_refused(folder: Path)
     after = (folder / "found/evaluations.bin").read_bytes()
     assert after[: len(before)] == before
     assert len(after) == len(before) * 4 // 3
+    assert main(asked(folder, 3)) == 0
+    assert (folder / "found/evaluations.bin").read_bytes() == after
+    log = np.genfromtxt(folder / "found/log.csv", delimiter=",", names=True)
+    assert len(log) == 3
+    assert log["best"][-1] == pytest.approx(searched().value(densities_of(folder)), rel=1e-9)
+    with locked(folder / "found"), pytest.raises(SystemExit, match="found: another run is in progress there"):
+        main(asked(folder, 4))
     with pytest.raises(SystemExit, match="found: holds another search"):
         main(asked(folder, 4, **{"--per": "row"}))
     (folder / "found/design.json").unlink()
     with pytest.raises(SystemExit, match=r"found: holds scene\.toml, which is of no search"):
         main(asked(folder, 4))
+
+
+def densities_of(folder: Path) -> np.ndarray:
+    """Return the densities of the designed scene over that of the given one."""
+    return Scene.load(folder / "found").packing.table.columns["density"] / scene().sphere.density
+
+
+def test_a_search_that_kept_nothing_gives_its_folder_to_another(tmp_path: Path) -> None:
+    row = np.dtype([("value", "<f8")])
+    begun(tmp_path, "asked.json", {"of": 1}, row, ["log.csv"])
+    path, rows = begun(tmp_path, "asked.json", {"of": 2}, row, ["log.csv"])
+    assert len(rows) == 0
+    path.write_bytes(np.ones(1).tobytes())
+    with pytest.raises(TheoryError, match="holds another search"):
+        begun(tmp_path, "asked.json", {"of": 1}, row, ["log.csv"])
+    assert begun(tmp_path, "asked.json", {"of": 2}, row, ["log.csv"])[1]["value"].tolist() == [1.0]
 
 
 # The square of the step leaves 3e-5 of the slopes of these spheres

@@ -115,6 +115,7 @@ INTEGRATED = {
     ),
     "a wall above": ("", f"fix 2 all wall/gran granular {FLOOR} zplane NULL 0.9999 contacts\n"),
     "a bead to and fro": ("", "fix 2 last move wiggle -3e-4 1e-4 0 6e-5\n"),
+    "in units of a lattice": ("", "lattice hcp 0.5\nfix 2 last move wiggle -6e-4 1.1547e-4 0 6e-5\n"),
     "a bead that goes on": ("", "fix 2 last move linear -10 2 0\n"),
     "a piston": ("fix 1 free nve/sphere\nfix 3 last nve", "velocity last set -10 0 0\nfix 2 last setforce 0 0 0\n"),
     "frozen": ("fix 1 all nve/sphere", "fix 2 last freeze\n"),
@@ -179,6 +180,7 @@ OTHERS = {
     "held spheres that turn": "fix 3 last nve/sphere\nfix 2 last setforce 0 0 0\n",
     "a turning motion": "fix 2 last move rotate 18 0 0 0 0 1 1e-3\n",
     "a motion along one axis": "fix 2 last move wiggle 1e-4 NULL NULL 1e-4\n",
+    "a motion in a stretched lattice": "lattice sc 0.5 spacing 1 2 1\nfix 2 last move linear -10 2 0\n",
     "a moving wall": f"fix 2 all wall/gran granular {LAW} yplane -0.9999 NULL wiggle y 1e-4 1e-4\n",
     "a round wall": f"fix 2 all wall/gran granular {LAW} zcylinder 30\n",
     "a wall for some": f"fix 2 free wall/gran granular {LAW} yplane -0.9999 NULL\n",
@@ -197,6 +199,13 @@ def test_held_spheres_of_a_line_do_not_turn(deck: Path, tmp_path: Path) -> None:
     path = pushed(deck, tmp_path, "", fixes)
     path.write_text(path.read_text().replace(line, "first set 10 0 0"))
     assert outside_of(read(path)).others == ()
+
+
+def test_a_motion_in_units_of_the_box_does_not_ask_for_a_lattice(deck: Path, tmp_path: Path) -> None:
+    way = "fix 2 last move linear -10 2 0 units"
+    for units, size in (("box", 1.0), ("lattice", 0.5)):
+        (motion,) = outside_of(read(pushed(deck, tmp_path, "", f"lattice sc 0.5\n{way} {units}\n"))).motions
+        assert motion.velocity == (-10 * size, 2 * size, 0.0)
 
 
 def test_spheres_that_turn_beside_others_that_do_not_are_kept_by_their_lines(deck: Path, tmp_path: Path) -> None:

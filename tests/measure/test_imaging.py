@@ -4,17 +4,19 @@ import csv
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from granular_analysis.measure.traces import Traces
+from granular_analysis.measure.traces import Traces, rms
 from granular_analysis.theory.imaging import NEAR
 from granular_analysis.tools import image
 from granular_analysis.tools.image import QUANTITIES
 from granular_lmp import Scene, run
 from granular_lmp.errors import GranularError
 from granular_lmp.runs.export import export
+from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import Record
 from tests.conftest import members
 
@@ -80,9 +82,9 @@ def of_rim(traces: Traces, noise: float) -> "imaging.Sought":
     """Return what is sought by the spheres of the rim, with noise; the others measure nothing."""
     rng = np.random.default_rng(1)
     keep = [place in RIM for place in zip(traces.row.tolist(), traces.column.tolist(), strict=True)]
-    rms = replace(traces, motion={name: each[:, keep] for name, each in traces.motion.items()}).rms
+    size = rms({name: each[:, keep] for name, each in traces.motion.items()})
     motion = {
-        name: np.where(keep, each + noise * rms * rng.normal(size=each.shape), np.nan)
+        name: np.where(keep, each + noise * size * rng.normal(size=each.shape), np.nan)
         for name, each in traces.motion.items()
     }
     return imaging.Sought([imaging.Shot.of(replace(traces, motion=motion), scene(), noise)], "contact.normal_stiffness")
@@ -196,6 +198,8 @@ def test_a_table_of_traces_is_read_as_a_person_reads_it(name: str, tmp_path: Pat
             "row 30, column 2, layer 0: no sphere",
         ),
         ("t_ns,row,column,u_nm", [f"{n},0,1," for n in range(5)], "holds no displacement_x"),
+        ("t_ns,row,column,u_nm,error_%", [line + ",5" for line in TABLE], "column error_%: is not used here; leave it"),
+        ("t_ns,row,column,u_nm,error_nm", [line + ",5" for line in TABLE], "column error_nm: is not used here"),
         ("t_ns,row,column,w_nm", TABLE, "has displacement_z, and the spheres of the scene stay in a plane"),
     ],
 )
@@ -205,6 +209,15 @@ def test_tables_that_cannot_be_understood_are_refused(
     (tmp_path / "trace.csv").write_text("\n".join([head, *lines]))
     with pytest.raises((GranularError, ValueError), match=message):
         imaging.Shot.of(Traces.read(tmp_path / "trace.csv"), scene())
+
+
+def test_the_command_prints_how_a_table_was_understood(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "trace.csv").write_text("\n".join(["t_ns,row,column,u_nm", *(f"{10 * n},30,2,1" for n in range(4))]))
+    (tmp_path / "sheet.toml").write_text(scene().to_toml())
+    with pytest.raises(SystemExit, match="row 30, column 2, layer 0: no sphere"):
+        image.main([str(tmp_path / "trace.csv"), str(tmp_path / "sheet.toml"), "--of", "density"])
+    expected = f"{tmp_path / 'trace.csv'}: 4 rows: time in ns, row, column, displacement_x in nm"
+    assert capsys.readouterr().out.strip() == expected
 
 
 def test_a_table_at_other_times_is_met_by_a_spline(tmp_path: Path) -> None:
@@ -244,6 +257,14 @@ def test_a_gap_takes_no_more_of_a_trace_than_what_lies_beside_it(tmp_path: Path)
     assert known.sum(axis=0).tolist() == [known.shape[0] - 1 - 2, known.shape[0] - 1]
 
 
+def test_a_time_at_which_no_sphere_was_measured_is_a_gap_of_all(tmp_path: Path) -> None:
+    lines = [f"{10 * n},0,{column},{'nan' if n == 2 else column}" for n in range(6) for column in (1, 2)]
+    (tmp_path / "gap.csv").write_text("\n".join(["t_ns,row,column,u_nm", *lines, "90,0,1,"]))
+    found = Traces.read(tmp_path / "gap.csv")
+    assert found.time == pytest.approx(1e-8 * np.arange(6), rel=1e-12)
+    assert np.isnan(found.motion["displacement_x"]).all(axis=1).tolist() == [n == 2 for n in range(6)]
+
+
 def test_all_that_the_command_offers_is_known() -> None:
     assert tuple(imaging.OF) == QUANTITIES
 
@@ -273,6 +294,33 @@ def test_contacts_that_open_on_the_way_are_named(traces: Traces) -> None:
     sought = imaging.Sought([imaging.Shot.of(traces, strong)], "adhesion")
     assert sought.trouble(np.ones(len(sought.owners))) == ""
     assert "contacts opened, first pair" in sought.trouble(np.full(len(sought.owners), 0.3))
+
+
+def test_the_share_of_the_noise_is_of_the_times_of_the_run(traces: Traces) -> None:
+    """Zeros before the start, and motion after the end, change no error; a trace that rests has none."""
+    apart, count = traces.time[1], len(traces.time)
+    longer = {name: np.concatenate([0 * each, each, 9 * each]) for name, each in traces.motion.items()}
+    others = replace(traces, time=apart * np.arange(-count, 2 * count), motion=longer)
+    expected, found = (imaging.Shot.of(each, scene(), NOISE).errors for each in (traces, others))
+    assert found == pytest.approx(expected, rel=1e-9)
+    with pytest.raises(ValueError, match="has no motion after the start of the run, and within its duration"):
+        imaging.Shot.of(replace(others, time=others.time + apart * count), scene(), NOISE)
+
+
+def test_records_of_other_spheres_or_times_are_another_search(traces: Traces) -> None:
+    shot = imaging.Shot.of(traces, scene())
+    runs = [
+        replace(shot.run, spheres=shot.run.spheres[::-1]),
+        replace(shot.run, step=2 * shot.run.step),
+        replace(shot.run, every=2 * shot.run.every),
+    ]
+    assert len({image.digest_of([replace(shot, run=run)]) for run in (shot.run, *runs)}) == 4
+
+
+def test_the_folder_of_a_search_that_runs_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(image, "_sought", lambda _: SimpleNamespace(owners=(), points=0, shots=()))
+    with locked(tmp_path), pytest.raises(SystemExit, match="another run is in progress there"):
+        image.main(["runs/any", "scene.toml", "--of", "density", "-o", str(tmp_path)])
 
 
 @pytest.mark.more  # it takes as long as the image above

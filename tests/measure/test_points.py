@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granular_analysis.measure import points
 from granular_analysis.measure.points import Point, read
 from granular_lmp.runs.record import GranularError
-from granular_lmp.scene.spreadsheets import TableError
+from granular_lmp.scene.spreadsheets import TableError, value_of
 from tests.scene.test_files import endless
 
 
@@ -62,6 +63,39 @@ def test_a_row_of_traces_has_the_error_of_each_in_its_unit_and_some_may_be_taken
     assert (only.kind, only.error) == ("velocity_x", 0.25e-3)
     with pytest.raises(TableError, match="holds no spin_z"):
         read(tmp_path / "data.csv", ["spin_z"])
+
+
+def test_an_error_of_a_trace_with_a_gap_is_not_of_another_in_its_row(tmp_path: Path) -> None:
+    text = "time_ns,row,displacement_y_nm,velocity_y_mm/s,error_nm,error_mm/s\n2,1,,4,0.5,0.25\n3,1,5,,0.5,0.25\n"
+    expected = [("velocity_y", 0.25e-3), ("displacement_y", 0.5e-9)]
+    assert [(each.kind, each.error) for each in table(tmp_path, text)] == expected
+    found = read(tmp_path / "data.csv", ["velocity_y"])[0]
+    assert [(each.kind, each.error) for each in found] == expected[:1]
+
+
+def test_each_cell_that_is_needed_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read_cells: list[str] = []
+
+    def counted(cell: str) -> float:
+        read_cells.append(cell)
+        return value_of(cell)
+
+    monkeypatch.setattr(points, "value_of", counted)
+    text = "time_ns,row,u_nm,v_nm,u_t_mm/s,v_t_mm/s\n2,1,3,4,5,6\n"
+    assert len(table(tmp_path, text)) == 4
+    assert read_cells == ["2", "1", "3", "4", "5", "6"]
+    read_cells.clear()
+    assert len(read(tmp_path / "data.csv", ["displacement_x"], ["velocity_x"])[0]) == 1
+    assert read_cells == ["2", "1", "3"]
+    assert [each.kind for each in read(tmp_path / "data.csv", ["spin_z"], ["velocity_x"])[0]] == ["velocity_x"]
+
+
+def test_a_trace_has_gaps_beside_points_of_other_kinds(tmp_path: Path) -> None:
+    text = "time_ns,row,displacement_x_nm,branch,frequency_MHz\n2,1,3,,\n3,1,,,\n4,1,nan,,\n,,,L,5\n"
+    assert [(each.kind, each.line) for each in table(tmp_path, text)] == [("displacement_x", 2), ("frequency", 5)]
+    for line in (",,,TR,", ",1,,,"):
+        with pytest.raises(TableError, match="line 6: must have one value of"):
+            table(tmp_path, text + line)
 
 
 HEAD = "branch,wavenumber_rad/um,frequency_MHz,error_MHz\n"
@@ -138,6 +172,7 @@ def test_a_file_without_an_end_is_not_read(kind: str, tmp_path: Path) -> None:
         ("frequency_MHz,frequency_Hz\n1,1\n", "2 columns hold frequency; must be one"),
         ("frequency_MHz,row\n1,2\n", "line 2: a frequency takes no row"),
         ("arrival_us,row\n1,\n", "line 2: a arrival needs row"),
+        ("arrival_us,row\n1,1e999\n", "must be a row, counted from 0"),
         ("arrival_us,row\n1,1.5\n", "must be a row, counted from 0"),
         ("frequency_MHz\n-1\n", "frequency = -1: must be above 0"),
         ("frequency_MHz\nnan\n", "must be a finite number"),

@@ -101,11 +101,13 @@ def test_the_command_recovers_keys_and_names_those_that_it_cannot_tell_apart(
         size = {"displacement_x": 1e9, "velocity_y": 1e3}[each.kind]
         cells = [f"{each.value * size},{each.error * size}" if name == each.kind else "," for name in names]
         lines.append(f"{each.time * 1e9},{each.row},{each.column},{','.join(cells)}")
+    lines.insert(1, "-2.5,2,1,900,1,900,1")
     (tmp_path / "traces.csv").write_text("\n".join(lines))
     (tmp_path / "sheet.toml").write_text(SHEET.to_toml())
     words = [str(tmp_path / each) for each in ("traces.csv", "sheet.toml")] + ["--free", *truth]
     assert main([*words, "--json", str(tmp_path / "fit.json"), "-o", str(tmp_path / "fit.png")]) == 0
     printed, answer = capsys.readouterr().out, json.loads((tmp_path / "fit.json").read_text())
+    assert "left out: 2 values of traces before the start of the run" in printed
     # The stiffness of a contact goes as E^{2/3} w^{1/3}, and that of all others as no key alone
     assert f"the data cannot distinguish: {E}, {W}" in printed
     assert "slopes of traces are differences" not in printed

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.imaging import NEAR, Search, Tikhonov, Trial, Variation, corner, resolution, widths
 
 CHAIN = np.stack([np.arange(39), np.arange(1, 40)], axis=1)
@@ -84,6 +85,8 @@ def test_a_search_that_was_stopped_continues_to_the_same_bits() -> None:
     assert (again[0], again[1], len(again)) == (made[0], made[1], len(made))
     other = made[0], made[1]._replace(values=0.9 * made[1].values)
     assert not np.array_equal(with_changes(search, kept=other).image(np.ones(40)).values, whole.values)
+    with pytest.raises(TheoryError, match="trial 2 that was kept is of another weight; begin anew"):
+        with_changes(search, kept=[made[0], made[2]]).image(np.ones(40))
 
 
 def test_total_variation_keeps_the_edges_of_a_step_that_tikhonov_rounds() -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cases.runner import script
 from granular_analysis.measure.imaging import Shot, Sought
-from granular_analysis.measure.traces import Traces
+from granular_analysis.measure.traces import Traces, rms
 from granular_analysis.plotting import letter, page
 from granular_analysis.theory.imaging import Image, widths
 from granular_analysis.tools.image import draw_map
@@ -100,8 +100,8 @@ def imaged(record: Record, monitors: int, noise: float, penalty: str) -> Found:
     motion = {name: each[:, ::every] for name, each in traces.motion.items()}
     places = {name: getattr(traces, name)[::every] for name in ("row", "column", "layer")}
     traces = replace(traces, motion=motion, **places)
-    rng = np.random.default_rng(1)
-    noisy = {name: each + noise * traces.rms * rng.normal(size=each.shape) for name, each in traces.motion.items()}
+    rng, size = np.random.default_rng(1), noise * rms(traces.motion)
+    noisy = {name: each + size * rng.normal(size=each.shape) for name, each in traces.motion.items()}
     shot = Shot.of(replace(traces, motion=noisy), Scene.load(HERE / "sheet.toml"), noise)
     sought = Sought([shot], "contact.normal_stiffness")
     spread = ", 1 % spread" if record.scene.disorder.stiffness else ""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from granular_analysis.measure.outside import sites
 from granular_analysis.measure.snapshot import FirstSnapshot
 from granular_analysis.measure.stepping import first_of
-from granular_analysis.measure.traces import Traces
+from granular_analysis.measure.traces import Traces, rms
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.imaging import Image, Search, Tikhonov, Trial, Variation
 from granular_analysis.theory.network_factors import Run
@@ -75,12 +75,12 @@ class Shot:
         scene : Scene
             Its time step is the longest of the run, its duration the longest record that is taken.
         noise : float
-            Standard deviation of the errors over the root mean square of the traces.
+            Standard deviation of the errors over the root mean square of the traces at the times of the run.
 
         Raises
         ------
         ValueError
-            For a scene that begins with a motion, and a record without a time after its start.
+            For a scene that begins with a motion, and a record without a time, or a motion, after its start.
         GranularError, TheoryError
             For places that the crystal lacks or has twice, and a scene that the network does not hold.
         """
@@ -104,14 +104,17 @@ class Shot:
         measured = np.zeros((samples + 1, 2 * network.freedoms, len(spheres)))
         errors = np.full_like(measured, np.inf)
         speed = scales.metre / scales.second
-        for name, values in traces.at(np.asarray(np.arange(samples + 1) * apart * scales.second)).items():
+        motion = traces.at(np.asarray(np.arange(samples + 1) * apart * scales.second))
+        if not (size := rms(motion)):
+            raise ValueError(f"{traces.said}: has no motion after the start of the run, and within its duration")
+        for name, values in motion.items():
             rate = name.startswith("velocity")
             axis, unit = "xyz".index(name[-1]), speed if rate else scales.metre
             if axis >= network.dimension:
                 raise ValueError(f"{traces.said}: has {name}, and the spheres of the scene stay in a plane")
             row = axis + network.freedoms * rate
             measured[:, row] = np.nan_to_num(values) / unit
-            errors[:, row] = np.where(np.isfinite(values), noise * traces.rms / unit, np.inf)
+            errors[:, row] = np.where(np.isfinite(values), noise * size / unit, np.inf)
         return cls(setting.scene, first, run, measured, errors)
 
     @cached_property

@@ -14,12 +14,14 @@ and, if it has one, its standard error: in ``error_…`` with a unit of that qua
 name (L, TR, RT) or a number from 1, the lowest; an empty one is that with the nearest frequency. An empty wave number
 is 0, an empty direction that of the scene. Every other cell that a row needs must be filled. A row of traces may have
 several of them, as the tables that ``granular-lmp export`` writes of monitors and of recorded spheres. A trace may have
-gaps, which are empty or nan, and times before the start of the run.
+gaps, which are empty or nan, and times before the start of the run, which are left out.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -115,8 +117,17 @@ class Point:
         return self.kind in TRACES
 
 
-def read(file: str | Path, only: Collection[str] = ()) -> tuple[list[Point], Table]:
-    """Return the points of a table, and the table as it was understood; `only` names the kinds that are taken.
+def read(
+    file: str | Path, only: Collection[str] = (), otherwise: Collection[str] = (), *, errors: bool = True
+) -> tuple[list[Point], Table]:
+    """Return the points of a table, and the table as it was understood.
+
+    Parameters
+    ----------
+    file : str or Path
+    only : the kinds that are taken, all if there are none.
+    otherwise : those that are taken where the table has no point of `only`.
+    errors : whether the table may have errors.
 
     Raises GranularError for a file that cannot be read, and for what is not understood.
     """
@@ -126,15 +137,37 @@ def read(file: str | Path, only: Collection[str] = ()) -> tuple[list[Point], Tab
             raise ValueError(f"has no measured column; it needs {_or(KINDS, '_UNIT')}")
         if not table.rows:
             raise ValueError("has a head and no points")
-        gaps = all(each.quantity in TRACES for each in table.columns if each.quantity in KINDS)
-        points = [
-            point for line, cells in table.rows for point in _points(line, [*_filled(table.columns, cells)], only, gaps)
-        ]
+        if not errors and (refused := [each.unit for each in table.columns if each.quantity == ERROR]):
+            raise ValueError(f"column error_{refused[0]}: is not used here; leave it out, and give --noise SHARE")
+        points = [*_points_of(table, only)]
+        if otherwise and not points:
+            points = [*_points_of(table, otherwise)]
         if not points:
-            raise ValueError(f"holds no {_or(only) or 'value'}")
+            raise ValueError(f"holds no {_or({*only, *otherwise}) or 'value'}")
     except ValueError as error:
         raise TableError(f"{file}: {error}") from None
     return points, table
+
+
+def _points_of(table: Table, only: Collection[str]) -> Iterator[Point]:
+    """Yield the points of all rows."""
+    kinds = {each.quantity for each in table.columns} & KINDS.keys()
+    if only and not kinds.intersection(only):
+        return
+    for line, cells in table.rows:
+        yield from _points(line, [*_filled(table.columns, cells)], only, kinds)
+
+
+def empty_times(table: Table, points: Iterable[Point]) -> list[float]:
+    """Return the times of rows without a value, s; `points` are those of the table."""
+    place = next((n for n, each in enumerate(table.columns) if each.quantity == "time"), None)
+    lines, found = {each.line for each in points}, []
+    for line, cells in table.rows:
+        if place is None or line in lines or not cells[place]:
+            continue
+        if not any(column.quantity in KINDS for column, _ in _filled(table.columns, cells)):
+            found.append(value_of(cells[place]) * TIMES[table.columns[place].unit])
+    return found
 
 
 def _filled(columns: Sequence[Column], cells: Sequence[str]) -> Iterator[tuple[Column, str]]:
@@ -144,67 +177,69 @@ def _filled(columns: Sequence[Column], cells: Sequence[str]) -> Iterator[tuple[C
             yield column, cell
 
 
-def _points(line: int, cells: list[tuple[Column, str]], only: Collection[str], gaps: bool) -> Iterator[Point]:
-    """Yield the point of a row, or those of several traces; none of a row that may be a gap."""
+def _points(
+    line: int, cells: list[tuple[Column, str]], only: Collection[str], columns: Collection[str]
+) -> Iterator[Point]:
+    """Yield the point of a row, or those of several traces; none of a gap. `columns` are the kinds in the table."""
     there = {column.quantity: (column.unit, cell) for column, cell in cells if column.quantity != ERROR}
     kinds = [name for name in there if name in KINDS]
-    if gaps and not kinds:
+    if not kinds and _is_gap(there.keys(), columns):
         return
     if not kinds or (len(kinds) > 1 and not set(kinds) <= TRACES.keys()):
         raise ValueError(f"line {line}: must have one value of {_or(KINDS)}, and has {_or(kinds) or 'none'}")
-    every = set[str]().union(*(UNITS[kind] for kind in kinds))
-    for kind in kinds:
-        if only and kind not in only:
-            continue
-        own = {name: each for name, each in there.items() if name == kind or name not in kinds}
-        # An error in a unit of another trace in the row is of that trace
-        other = every - UNITS[kind].keys()
-        errors = [each for each in cells if each[0].quantity != ERROR or each[0].unit not in other]
-        yield _point(line, kind, own, errors)
+    taken = [kind for kind in kinds if not only or kind in only]
+    if not taken:
+        return
+    place = _place(line, taken[0], {name: each for name, each in there.items() if name not in kinds})
+    errors = [(column.unit, cell) for column, cell in cells if column.quantity == ERROR]
+    every = {unit for kind in columns if kind in TRACES for unit in UNITS[kind]} if errors else set()
+    for kind in taken:
+        value = _number(line, kind, *there[kind], False)
+        if value <= 0 and kind not in TRACES:
+            raise ValueError(f"line {line}: {kind} = {there[kind][1]}: must be above 0")
+        # An error in a unit of another trace in the table is of that trace
+        own = [each for each in errors if kind not in TRACES or each[0] in UNITS[kind] or each[0] not in every]
+        yield Point(kind, value, _error(line, kind, value, own), line, **place)
 
 
-def _point(line: int, kind: str, there: dict[str, tuple[str, str]], cells: list[tuple[Column, str]]) -> Point:
+def _is_gap(there: Collection[str], columns: Collection[str]) -> bool:
+    """Return whether a row without a value may be a gap: all columns are of traces, or it says a sphere and a time."""
+    needed, allowed = next(KINDS[name] for name in TRACES)
+    traces = TRACES.keys() & columns
+    return len(traces) == len(columns) or (bool(traces) and needed <= {*there} <= needed | allowed)
+
+
+def _place(line: int, kind: str, there: dict[str, tuple[str, str]]) -> dict[str, Any]:
+    """Return what a row says beside its values, by the names of a point."""
     needed, allowed = KINDS[kind]
     if lacking := needed - there.keys():
         raise ValueError(f"line {line}: a {kind} needs {_or(lacking)}")
-    if other := there.keys() - needed - allowed - {kind}:
+    if other := there.keys() - needed - allowed:
         raise ValueError(f"line {line}: a {kind} takes no {_or(other)}")
     if {"wavenumber", "wavelength"} <= there.keys():
         raise ValueError(f"line {line}: has a wavenumber and a wavelength; give one of the two")
     positive = {"wavelength", "amplitude"} if kind in TRACES else {"wavelength", "amplitude", "time"}
     numbers = {name: _number(line, name, *each, name in positive) for name, each in there.items() if name != "branch"}
-    value = numbers.pop(kind)
-    if value <= 0 and kind not in TRACES:
-        raise ValueError(f"line {line}: {kind} = {there[kind][1]}: must be above 0")
-    place = {name: int(each) if name in COUNTED else each for name, each in numbers.items()}
+    place: dict[str, Any] = {name: int(each) if name in COUNTED else each for name, each in numbers.items()}
     rows = "wavelength" not in place and there.get("wavenumber", ("rad/row",))[0] == "rad/row"
     if "wavelength" in place:
         place["wavenumber"] = 2 * np.pi / place.pop("wavelength")
-    return Point(
-        kind,
-        value,
-        _error(line, kind, value, cells),
-        line,
-        there.get("branch", ("", ""))[1],
-        unit="rad/row" if rows else "rad/m",
-        **place,  # type: ignore[arg-type]  # numbers by their names
-    )
+    return place | {"branch": there.get("branch", ("", ""))[1], "unit": "rad/row" if rows else "rad/m"}
 
 
 def _number(line: int, name: str, unit: str, cell: str, positive: bool) -> float:
     """Return a cell in SI units."""
     value = value_of(cell)
-    whole = name not in COUNTED or (value >= 0 and value == int(value))
-    if not np.isfinite(value) or not whole or (positive and value <= 0):
+    whole = name not in COUNTED or (value >= 0 and value.is_integer())
+    if not isfinite(value) or not whole or (positive and value <= 0):
         kind = f"a {name.removeprefix('to_')}, counted from 0" if name in COUNTED else "a finite number"
         above = " above 0" if positive else ""
         raise ValueError(f"line {line}: {name} = {cell!r}: must be {kind}{above}")
     return value * UNITS[name][unit]
 
 
-def _error(line: int, kind: str, value: float, cells: list[tuple[Column, str]]) -> float | None:
-    """Return the standard error of a value of a kind, None without one."""
-    given = [(column.unit, cell) for column, cell in cells if column.quantity == ERROR]
+def _error(line: int, kind: str, value: float, given: list[tuple[str, str]]) -> float | None:
+    """Return the standard error of a value of a kind, from units and cells; None without one."""
     fitting = [(unit, cell) for unit, cell in given if unit == "%" or unit in UNITS[kind]]
     if len(given) != len(fitting) or len(given) > 1:
         allowed = _or([*(f"error_{unit}" for unit in UNITS[kind]), "error_%"])

@@ -1,8 +1,8 @@
 """Measured motion of spheres at equally spaced times: of the monitors of a run, or of a table of measured points.
 
-Tables are those of `granular_analysis.measure.points`, as ``granular-lmp export RUN --monitor NAME`` writes them too.
-Displacements are taken where there are any, else velocities. A table may have gaps, and times before the start of the
-run.
+Tables are those of `granular_analysis.measure.points`, without errors, as ``granular-lmp export RUN --monitor NAME``
+writes them too. Displacements are taken where there are any, else velocities. A table may have gaps, and times before
+the start of the run.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,7 +19,7 @@ from granular_analysis.theory.errors import TheoryError
 from granular_lmp.runs.record import Record, Scene
 from granular_lmp.scene.spreadsheets import TableError
 
-__all__ = ["Traces"]
+__all__ = ["Traces", "rms"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -36,8 +36,9 @@ class Traces:
     ----------
     said : its file.
     time : (T,)
-    row, column, layer : (n,); −1 for a column or layer that a table leaves out.
+    row, column, layer : (n,); −1 for a column or layer that a table leaves out, and for the layer of a monitor.
     motion : (T, n) by the name of a trace, of displacements or of velocities; nan where nothing was measured.
+    understood : how a table was understood, "" of a run.
     """
 
     said: str
@@ -46,6 +47,7 @@ class Traces:
     column: Integers
     layer: Integers
     motion: Mapping[str, Floats]
+    understood: str = ""
 
     @classmethod
     def read(cls, path: str | Path) -> "Traces":
@@ -66,18 +68,19 @@ class Traces:
         ways = np.concatenate([each.displacement for each in found], axis=1) * scales.length * scales.metre
         motion = {name: ways[..., axis] for axis, name in zip(range(ways.shape[2]), _TAKEN[0], strict=False)}
         row, column = (np.concatenate([getattr(each, name) for each in found]) for name in ("row", "column"))
-        layers = [each.crystal.arrays.get("layer", np.zeros(len(each.crystal), dtype=np.intp)) for each in found]
-        layer = np.concatenate([own[each.spheres] for own, each in zip(layers, found, strict=True)])
-        return cls(str(record.folder), times, row, column, layer, motion).checked()
+        return cls(str(record.folder), times, row, column, np.full_like(row, -1), motion).checked()
 
     @classmethod
     def of_table(cls, path: str | Path) -> "Traces":
         """Return the traces of a table."""
-        measured, _ = points.read(path, [*_TAKEN[0], *_TAKEN[1]])
+        measured, table = points.read(path, *_TAKEN, errors=False)
         there = {each.kind for each in measured}
         names = next(names for names in _TAKEN if there.intersection(names))
         own = [each for each in measured if each.kind in names]
-        times, when = np.unique([each.time for each in own], return_inverse=True)
+        moments = np.array([each.time for each in own])
+        gaps = np.array(points.empty_times(table, measured))
+        times = np.unique([*moments, *gaps[(gaps > moments.min()) & (gaps < moments.max())]])
+        when = np.searchsorted(times, moments)
         places, where = np.unique([(each.row, each.column, each.layer) for each in own], axis=0, return_inverse=True)
         which = [*zip((each.kind for each in own), when.tolist(), where.ravel().tolist(), strict=True)]
         if len({*which}) < len(which):
@@ -86,7 +89,7 @@ class Traces:
         for (name, moment, place), each in zip(which, own, strict=True):
             motion[name][moment, place] = each.value
         row, column, layer = places.astype(np.intp).T
-        return cls(str(path), times, row, column, layer, motion).checked()
+        return cls(str(path), times, row, column, layer, motion, table.understood).checked()
 
     def checked(self) -> "Traces":
         """Return these; ValueError for fewer than four times, or unequal ones."""
@@ -94,12 +97,6 @@ class Traces:
         if len(self.time) < _FEWEST or np.ptp(apart) > _EQUAL * apart.mean():
             raise ValueError(f"{self.said}: must have at least {_FEWEST} times with equal steps between them")
         return self
-
-    @property
-    def rms(self) -> float:
-        """Return the root mean square of all values."""
-        values = np.concatenate([each[np.isfinite(each)] for each in self.motion.values()])
-        return float(np.sqrt(np.mean(values**2)))
 
     def spheres(self, scene: Scene, position: Floats) -> Integers:
         """Return the index of each sphere in a scene, (n,); TheoryError for a place that the scene lacks or has twice.
@@ -123,6 +120,12 @@ class Traces:
         return {
             name: np.array([_splined(self.time, own, grid) for own in each.T]).T for name, each in self.motion.items()
         }
+
+
+def rms(motion: Mapping[str, Floats]) -> float:
+    """Return the root mean square of all values of traces that are there, 0 without any."""
+    values = np.concatenate([each[np.isfinite(each)] for each in motion.values()])
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 def _splined(time: Floats, values: Floats, grid: Floats) -> Floats:

@@ -36,6 +36,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 
+from granular_analysis.theory.errors import TheoryError
+
 Floats = NDArray[np.float64]
 Misfit = Callable[[Floats], tuple[float, Floats]]
 ROUNDING = 0.02  # ε
@@ -45,6 +47,7 @@ SLOW = 0.02  # relative fall of χ² in two steps at which a curve ends
 NEAR = 0.03  # |χ²/N − 1| that is met
 _GRADIENTS = 40  # of one weight
 _ENOUGH = 1e-4  # relative fall of what is minimised, at which a search ends
+_SAME = 1e-9  # relative difference of weights that are one: another number of threads rounds sums otherwise
 _TURNS = 6  # searches for the weight between two
 
 
@@ -209,7 +212,8 @@ class Search:
     def image(self, start: Floats) -> Image:
         """Return the image; the search begins with values (P,).
 
-        Raises ValueError if χ² does not depend on any value.
+        Raises ValueError if χ² does not depend on any value, and TheoryError for a kept trial of another weight than
+        the search asks for: another version, or another machine, made it.
         """
         largest = float(np.diag(self.curvature).max())
         if not largest:
@@ -255,7 +259,12 @@ class Search:
         return Image(self, trials, len(trials) - 1, said)
 
     def _trial(self, number: int, weight: float, start: Floats) -> Trial:
-        trial = self.kept[number] if number < len(self.kept) else self._made(weight, start)
+        if number < len(self.kept):
+            trial = self.kept[number]
+            if abs(trial.weight - weight) > _SAME * weight:
+                raise TheoryError(f"trial {number + 1} that was kept is of another weight; begin anew")
+        else:
+            trial = self._made(weight, start)
         self.told(trial)
         return trial
 

@@ -19,6 +19,7 @@ from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network_design import Best, Design, Evaluation, improved
 from granular_analysis.tools.kept import begun
 from granular_lmp.cli.output import interruptible
+from granular_lmp.runs.folder import locked
 
 SCENE, TABLE, LOG, ASKED = "scene.toml", "spheres.csv", "log.csv", "design.json"
 INTERRUPTED = 130
@@ -40,9 +41,12 @@ class Kept:
             np.concatenate([[found.value], found.slope, found.numbers]).astype("<f8").tofile(stream)
         self.evaluations.append(found)
 
-    def write_log(self, uniform: float) -> None:
-        """Write the log: number, objective, the best so far, and that over the objective of the uniform crystal."""
-        values = np.array([each.value for each in self.evaluations])
+    def write_log(self, uniform: float, count: int) -> None:
+        """Write the log: number, objective, the best so far, and that over the objective of the uniform crystal.
+
+        Of the evaluations the first are written, which the search asked for; an earlier command may have made more.
+        """
+        values = np.array([each.value for each in self.evaluations[:count]])
         best = np.fmax.accumulate(values)
         head = ["evaluation", "objective", "best", "best_over_uniform"]
         write_csv(self.folder / LOG, head, zip(range(1, len(values) + 1), values, best, best / uniform, strict=True))
@@ -72,22 +76,23 @@ def search(chosen: argparse.Namespace) -> int:
         begin = design.begin(chosen.start)
         digest = hashlib.sha256(scene.to_toml().encode()).hexdigest()
         asked = {"scene_sha256": digest, "maximize": chosen.maximize, "within": [low, high], "per": chosen.per}
-        kept = Kept(folder, asked | robust | {"start": chosen.start, "numbers": len(begin)})
-        uniform = design.value(np.ones(len(begin)))
-        known = list(kept.evaluations)
-        with interruptible() as progress:
+        with locked(folder, make=True, force=True):
+            kept = Kept(folder, asked | robust | {"start": chosen.start, "numbers": len(begin)})
+            uniform = design.value(np.ones(len(begin)))
+            known = list(kept.evaluations)
+            with interruptible() as progress:
 
-            def noted(found: Evaluation) -> None:
-                kept.add(found)
-                if progress is not None:
-                    progress(len(kept.evaluations), chosen.evaluations)
+                def noted(found: Evaluation) -> None:
+                    kept.add(found)
+                    if progress is not None:
+                        progress(len(kept.evaluations), chosen.evaluations)
 
-            best = improved(design, begin, chosen.evaluations, known, noted)
-        kept.write_log(uniform)
-        made = designed(scene, best.densities[groups])
-        table = made.packing.table
-        write(folder / TABLE, "".join(table.pieces()))
-        write(folder / SCENE, made.to_toml().replace(f'"{table}"', f'"{TABLE}"'))
+                best = improved(design, begin, chosen.evaluations, known, noted)
+            kept.write_log(uniform, best.evaluations)
+            made = designed(scene, best.densities[groups])
+            table = made.packing.table
+            write(folder / TABLE, "".join(table.pieces()))
+            write(folder / SCENE, made.to_toml().replace(f'"{table}"', f'"{TABLE}"'))
     print(said(chosen, best, design, uniform))
     return INTERRUPTED if best.interrupted else 0
 

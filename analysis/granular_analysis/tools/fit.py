@@ -284,6 +284,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with in_one_line():
         scene, (points, measured) = scene_of(options.scene, options), read(options.data, options.only)
         print(measured.understood)
+        begun = [each for each in points if not (each.of_trace and each.time < 0)]
+        if begun and len(begun) < len(points):
+            print(f"left out: {len(points) - len(begun)} values of traces before the start of the run")
+            points = begun
         fit = Fit(scene, points, tuple(options.free), options.loss)
         print("".join(f"{each}\n" for each in unlikely_units(fit, measured.columns)), end="")
         fitted = Fitted(fit, fit.answer(), measured.columns)

@@ -25,13 +25,15 @@ from granular_analysis.theory.imaging import WEIGHTS, Image, Trial, widths
 from granular_analysis.tools.kept import begun
 from granular_lmp.cli.arguments import changes_argument
 from granular_lmp.cli.output import interruptible
+from granular_lmp.runs.folder import locked
+from granular_lmp.runs.seal import scene_digest
 
 if TYPE_CHECKING:  # slow to import, and the last needs JAX
     from matplotlib.axes import Axes
     from matplotlib.collections import Collection
     from matplotlib.figure import Figure
 
-    from granular_analysis.measure.imaging import Sought
+    from granular_analysis.measure.imaging import Shot, Sought
 
 Floats = NDArray[np.float64]
 MAP, LOG, PICTURE, ASKED = "map.csv", "log.csv", "image.png", "image.json"
@@ -85,22 +87,31 @@ def main(argv: Sequence[str] | None = None) -> int:
         NetworkEngine.on(options.device)
         sought = _sought(options)
         print(f"{len(sought.owners)} values of {options.of}, {sought.points} numbers of {len(sought.shots)} records")
-        found = _searched(sought, options, folder)
-        resolved, errors = found.resolution()
+        with locked(folder, make=True, force=True):
+            found = _searched(sought, options, folder)
+            _write(sought, found, folder)
+    return 0
+
+
+def _write(sought: "Sought", found: Image, folder: Path) -> None:
+    """Print what the image shows, and write map and picture."""
+    resolved, errors = found.resolution()
     width = widths(resolved, len(sought.owners) / len(sought.first.network.position), sought.first.network.dimension)
     print(said(sought, found, resolved, errors, width))
     head, rows = table(sought, found, resolved, errors, width)
     write_csv(folder / MAP, head, rows)
     save(figure(sought, found), folder / PICTURE)
-    return 0
 
 
 def _sought(options: argparse.Namespace) -> "Sought":
     from granular_analysis.measure.imaging import Shot, Sought  # needs JAX
 
-    pairs = zip(options.shots[::2], options.shots[1::2], strict=True)
-    noise = 1.0 if options.noise is None else options.noise
-    shots = [Shot.of(Traces.read(records), scene_of(scene, options), noise) for records, scene in pairs]
+    noise, shots = 1.0 if options.noise is None else options.noise, []
+    for records, scene in zip(options.shots[::2], options.shots[1::2], strict=True):
+        traces = Traces.read(records)
+        if traces.understood:
+            print(traces.understood)
+        shots.append(Shot.of(traces, scene_of(scene, options), noise))
     return Sought(shots, options.of)
 
 
@@ -108,12 +119,8 @@ def _searched(sought: "Sought", options: argparse.Namespace, folder: Path) -> Im
     """Return the image, and keep each weight and its line of the log as soon as they are known."""
     count = len(sought.owners)
     row = np.dtype([("weight", "<f8"), ("values", "<f8", count), ("rest", "<f8", 3)])
-    digest = hashlib.sha256()
-    for shot in sought.shots:
-        for part in (shot.scene.to_toml().encode(), shot.measured.tobytes(), shot.errors.tobytes()):
-            digest.update(part)
     asked = {name: getattr(options, name) for name in ("of", "noise", "penalty", "within")}
-    path, found = begun(folder, ASKED, asked | {"shots_sha256": digest.hexdigest()}, row, (MAP, LOG, PICTURE))
+    path, found = begun(folder, ASKED, asked | {"shots_sha256": digest_of(sought.shots)}, row, (MAP, LOG, PICTURE))
     kept = [
         Trial(float(each["weight"]), each["values"], float(misfit), float(penalty), int(gradients))
         for each in found
@@ -135,6 +142,17 @@ def _searched(sought: "Sought", options: argparse.Namespace, folder: Path) -> Im
 
         known = options.noise is not None
         return sought.image(options.penalty, known=known, bounds=tuple(options.within), told=told, kept=kept)
+
+
+def digest_of(shots: "Sequence[Shot]") -> str:
+    """Return the digest of scenes and their records: of all numbers, and of the spheres and times that they are of."""
+    digest = hashlib.sha256()
+    for shot in shots:
+        run = shot.run
+        digest.update(scene_digest(shot.scene.to_toml()).encode())
+        for part in (run.spheres, [run.step, run.every], shot.measured, shot.errors):
+            digest.update(np.asarray(part, dtype="<f8").tobytes())
+    return digest.hexdigest()
 
 
 def said(sought: "Sought", found: Image, resolved: Floats, errors: Floats, width: Floats) -> str:

@@ -22,6 +22,8 @@ def begun(
 ) -> tuple[Path, NDArray[Any]]:
     """Begin a folder, or continue that of the same search; return its file of steps, and the steps that it holds.
 
+    A search that kept no step gives its folder to another.
+
     Parameters
     ----------
     folder : of the search.
@@ -31,15 +33,16 @@ def begun(
 
     Raises TheoryError for a folder that holds another search, or files that are none of it.
     """
-    path, said = folder / name, json.dumps(asked, indent=2) + "\n"
-    if path.is_file():
+    path, steps, said = folder / name, folder / KEPT, json.dumps(asked, indent=2) + "\n"
+    there = [each for each in (*made, KEPT) if (folder / each).exists()]
+    nothing = not there or (there == [KEPT] and not steps.stat().st_size)
+    if path.is_file() and not nothing:
         if path.read_text(encoding="utf-8") != said:
             raise TheoryError(f"{folder}: holds another search; give its scene and options again, or another folder")
-    elif there := [each for each in (*made, KEPT) if (folder / each).exists()]:
+    elif there and not path.is_file():
         raise TheoryError(f"{folder}: holds {there[0]}, which is of no search; give another folder")
     else:
         write(path, said)
-    steps = folder / KEPT
     with steps.open("ab") as stream:  # without the rest of one that was not written to its end
         stream.truncate(stream.tell() // row.itemsize * row.itemsize)
     return steps, np.fromfile(steps, dtype=row)
