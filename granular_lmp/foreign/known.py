@@ -52,10 +52,9 @@ def known_of(reading: Reading, given: Known) -> tuple[Known, list[str]]:
     if len(others) > 1 and given.timestep is None:
         remarks.append(f"{reading.deck}: changes its time step; times are counted with {start.timestep:g}")
     outside = outside_of(reading)
-    resets = [fix for fix in start.fixes if fix.words[3].startswith("dt/reset")]  # then the dumps must hold their times
     known = Known(
         given.units or reading.units,
-        given.timestep or (None if resets else start.timestep),
+        given.timestep or (None if start.resets else start.timestep),  # with them the dumps must hold their times
         given.radius,
         given.density,
         given.laws or reading.laws,

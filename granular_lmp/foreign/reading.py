@@ -49,6 +49,11 @@ class Stage:
     fixes: tuple[Command, ...]
     exact: bool
 
+    @property
+    def resets(self) -> list[Command]:
+        """Fixes that change the time step."""
+        return [fix for fix in self.fixes if fix.words[3].startswith("dt/reset")]
+
 
 @dataclass(frozen=True, eq=False)
 class Spheres:

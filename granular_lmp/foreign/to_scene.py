@@ -178,8 +178,7 @@ def _whole(reading: Reading, outside: Outside) -> Spheres:
         if command.name not in _READ or (command.name == "neigh_modify" and "exclude" in command.words):
             raise SceneError(f"'{command}': no key of a scene says what it does")
     _refuse_twice(recorded)
-    resets = [str(fix) for fix in start.fixes if fix.words[3].startswith("dt/reset")]
-    for said in (*outside.others, *resets):
+    for said in (*outside.others, *start.resets):
         raise SceneError(f"'{said}': no key of a scene says what it does")
     if outside.motions:
         raise SceneError(f"a fix moves sphere {outside.motions[0].spheres[0]}; say it by a [[source]]")
