@@ -70,6 +70,10 @@ class OwnUnits:
         """Return an SI quantity, a number or an array, of dimension kg^mass m^length s^time in these units."""
         return value / (self.mass**mass * self.length**length * self.time**time)
 
+    def si(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
+        """Return a number or an array in these units in SI units: the inverse of `number`."""
+        return self.number(value, mass=-mass, length=-length, time=-time)
+
 
 AnyUnits = Units | OwnUnits
 

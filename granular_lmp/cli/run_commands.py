@@ -1,6 +1,7 @@
 """Commands for one run, new or existing: run, kick, resume, adopt, accept."""
 
 import argparse
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from granular_lmp.foreign.reading import Reading
     from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.record import Record
+    from granular_lmp.runs.unnamed import Unnamed
 
 _TYPES = 32  # largest number of types in dumps adopted with one law
 
@@ -156,14 +158,13 @@ def _adopt(options: Options) -> int:
 
 
 def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
-    import numpy as np
-
     from granular_lmp.foreign.adopt_dump import Known, adopt_dump
     from granular_lmp.foreign.apart import read_apart
     from granular_lmp.foreign.known import dumps_of, known_of, law_of
     from granular_lmp.foreign.local_columns import local_dumps
     from granular_lmp.lammps.custom_dump import is_dump
     from granular_lmp.lammps.local_dump import is_local
+    from granular_lmp.runs.directory import absolute
 
     if options.scene or changes:
         raise RunFolderError(
@@ -185,6 +186,8 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
         dumps = dumps or [str(each) for each in dumps_of(reading)]
         of_deck = {path.resolve(): found for path, found in local_dumps(reading).items()}
         contacts = {path: words or of_deck.get(path.resolve()) for path in contacts or of_deck}
+    if words and not contacts:
+        raise RunFolderError(f"columns = {options.columns}: no dump of contacts is there to have them; name it")
     if not dumps:
         raise RunFolderError(f"{options.source[0]}: is a dump of contacts; name the dump of their spheres too")
     folder = options.output or f"runs/{Path(options.source[0]).name.partition('.')[2] or 'adopted'}"
@@ -194,11 +197,12 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
     end = f"{record.time[0]:.6g} to {record.time[-1]:.6g} {'s' if record.in_si else 'units of time'}"
     say(f"{folder}: {len(record.spheres)} spheres, {len(record)} snapshots, {end}")
     if decks:
-        _say_scene(Path(f"{folder}.toml"), reading, known, float(np.diff(record.time[:2]).sum()), options)
+        place = Path(folder) if Path(folder).name else absolute(folder)
+        _say_scene(place.with_name(f"{place.name}.toml"), reading, known, record, options)
     return 0
 
 
-def _say_scene(path: Path, reading: "Reading", known: "Known", sample: float, options: Options) -> None:
+def _say_scene(path: Path, reading: "Reading", known: "Known", record: "Unnamed", options: Options) -> None:
     """Write the scene that describes the crystal of a foreign deck, or say why none does."""
     from granular_lmp.errors import GranularError
     from granular_lmp.foreign.to_scene import lines, scene_of
@@ -206,13 +210,14 @@ def _say_scene(path: Path, reading: "Reading", known: "Known", sample: float, op
     if path.exists() and not options.force:
         remark(f"note: {path}: exists already, so that no scene was sought; use --force to replace it")
         return
+    left = f"; {path} is of an earlier deck" if path.exists() else ""
     if options.units or options.timestep or options.radius or options.density or options.law:
-        remark("note: no scene is sought where options replace what the deck says")
+        remark(f"note: no scene is sought where options replace what the deck says{left}")
         return
     try:
-        found = scene_of(reading, known, path.stem, sample)
+        found = scene_of(reading, known, re.sub(r"[^\w-]", "_", path.stem, flags=re.ASCII), record.time)
     except GranularError as error:
-        remark(f"note: no scene describes this crystal: {error}")
+        remark(f"note: no scene describes this crystal: {error}{left}")
         return
     found.scene.write(path)
     for line in lines(found, path):

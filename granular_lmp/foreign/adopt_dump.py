@@ -190,7 +190,12 @@ def _contacts(dumps: Mapping[Path, Sequence[str] | None], reading: "_Reading") -
         if snapshot is None:
             raise RunFolderError(f"{path}: holds no whole snapshot")
         begins.append((snapshot.step, path, checked_words(path, snapshot.names, dumps[path])))
-    for _, path, words in sorted(begins):
+    begins.sort(key=lambda each: each[:2])
+    for (step, path, words), (other, after, others) in pairwise(begins):
+        _refuse_together((step, path), (other, after))
+        if {*words} & {*WORDS} != {*others} & {*WORDS}:
+            raise RunFolderError(f"{after}: holds {', '.join(others)}, and {path.name} {', '.join(words)}; choose one")
+    for _, path, words in begins:
         kept = [(n, word) for n, word in enumerate(words) if word in WORDS]
         names, factors = [word for _, word in kept], [_factor(units, *WORDS[word]) for _, word in kept]
         for each in local_snapshots(path, reading.say):
@@ -213,11 +218,8 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
             raise RunFolderError(f"{path}: holds no whole snapshot")
         groups.setdefault(frozenset(first.columns), []).append((first.step, path))
     for each in groups.values():
-        for (step, path), (other, after) in pairwise(sorted(each)):
-            if step == other:
-                raise RunFolderError(
-                    f"{after}: begins at step {step}, as {path.name} does; dumps of one run follow one another"
-                )
+        for one, other in pairwise(sorted(each)):
+            _refuse_together(one, other)
     streams = [_following([path for _, path in sorted(each)], say) for each in groups.values()]
     while True:
         heads = [next(stream, None) for stream in streams]
@@ -234,6 +236,15 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
         if not whole:
             return
         yield _merged(whole)
+
+
+def _refuse_together(one: tuple[int, Path], other: tuple[int, Path]) -> None:
+    """Raise RunFolderError where two dumps with the same columns begin at one step."""
+    (step, path), (begin, after) = one, other
+    if step == begin:
+        raise RunFolderError(
+            f"{after}: begins at step {step}, as {path.name} does; dumps of one run follow one another"
+        )
 
 
 def _following(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
@@ -286,7 +297,8 @@ class _Reading:
         """Write a snapshot into the dump of the folder, in SI units (of units lj in these)."""
         units, table = self.units, self._table(frame)
         assert self.first is not None
-        if not self.deforms and not np.allclose(frame.cell[frame.periodic], self.first.cell[frame.periodic], rtol=1e-9):
+        edges, first = frame.cell[frame.periodic], self.first.cell[frame.periodic]
+        if not self.deforms and not np.allclose(edges, first, rtol=1e-9, atol=0.0):
             self.deforms = True
             self.say(f"step {frame.step}: the box is another one; contacts and their forces are refused")
         lacking = [name for name in self.names if name not in table]

@@ -65,14 +65,14 @@ class Indexed:
         return np.asarray((self.row * columns + self.column) * layers + self.layer)
 
 
-def index(places: Floats, cell: Floats, periodic: NDArray[np.bool_], strain: float) -> Iterator[Indexed]:
+def index(places: Floats, edges: Floats, periodic: NDArray[np.bool_], strain: float) -> Iterator[Indexed]:
     """Yield the ways in which spheres are a lattice of a scene, those without vacancies first.
 
     Parameters
     ----------
     places : (N, 3) array
-    cell : (3, 3) array
-        Edges of the box, one to a row.
+    edges : (3,) array
+        Lengths of the box.
     periodic : (3,) array of bool
     strain : float
         Largest strain of the whole crystal.
@@ -82,8 +82,6 @@ def index(places: Floats, cell: Floats, periodic: NDArray[np.bool_], strain: flo
     SceneError
         If there is none; the text says what is wrong with the nearest.
     """
-    if np.abs(cell - np.diag(np.diag(cell))).max() > 0:
-        raise SceneError("the box is tilted, and that of a scene is not")
     if len(places) < 2:
         raise SceneError("a single sphere is no crystal")
     apart = neighbours(places)
@@ -92,12 +90,12 @@ def index(places: Floats, cell: Floats, periodic: NDArray[np.bool_], strain: flo
     troubles: list[str] = []
     whole = False
     for turn in _turns(wide):
-        at, edges, around = places @ turn.T, np.abs(turn @ np.diag(cell)), (np.abs(turn) @ periodic).astype(bool)
+        at, sides, around = places @ turn.T, np.abs(turn @ edges), (np.abs(turn) @ periodic).astype(bool)
         for lattice in LATTICES.values():
             if _dimension(lattice) != wide.sum():
                 continue
             try:
-                for each in _indexed(lattice, turn, at, apart, edges, around, strain):
+                for each in _indexed(lattice, turn, at, apart, sides, around, strain):
                     if len(each.empty):
                         found.append(each)
                     else:

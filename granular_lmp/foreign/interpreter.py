@@ -17,7 +17,7 @@ from granular_lmp.frozen import dataclass
 
 MOST_COMMANDS = 100_000  # a loop that never ends is stopped after a second or two
 _WORD = re.compile(r'"""(.*?)"""|"([^"]*)"|\'([^\']*)\'|(\S+)', re.DOTALL)
-_COMMENT = re.compile(r'("""(?:.|\n)*?"""|"[^"]*"|\'[^\']*\')|#[^\n]*')
+_COMMENT = re.compile(r'(""".*?"""|"[^"]*"|\'[^\']*\')|#.*', re.DOTALL)
 _WRITING = (
     *("print", "log", "echo", "info", "restart", "timer", "dump", "dump_modify", "undump", "rerun"),
     *("write_coeff", "write_data", "write_dump", "write_restart", "balance", "group2ndx"),
@@ -84,20 +84,22 @@ def split(text: str) -> tuple[str, ...]:
 
 
 def lines_of(text: str) -> list[tuple[int, str]]:
-    """Return the commands of a file as they are written, each with the number of its first line, without comments."""
+    """Return the commands of a file as they are written, each with the number of its first line, without comments.
+
+    As in LAMMPS lines are joined before comments are stripped: a comment that ends in "&" takes the next line with it.
+    """
     found: list[tuple[int, str]] = []
-    first, joined = 0, ""
-    for number, line in enumerate(text.splitlines(), start=1):
-        first = first if joined else number
+    first, joined = 1, ""
+    for number, line in enumerate(text.split("\n"), start=1):
         joined += line
-        if joined.count('"""') % 2:
+        if joined.rstrip().endswith("&"):
+            joined = joined.rstrip()[:-1]
+        elif joined.count('"""') % 2:
             joined += "\n"
-        elif (bare := _COMMENT.sub(lambda match: match[1] or "", joined).rstrip()).endswith("&"):
-            joined = f"{bare[:-1]} "
         else:
-            if bare.strip():
-                found.append((first, bare.strip()))
-            joined = ""
+            if bare := _COMMENT.sub(lambda match: match[1] or "", joined).strip():
+                found.append((first, bare))
+            first, joined = number + 1, ""
     return found
 
 

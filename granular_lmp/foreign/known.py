@@ -24,13 +24,13 @@ def dumps_of(reading: Reading) -> list[Path]:
         raise RunFolderError(f"{reading.deck}: has no dump of style custom or atom; name its dumps behind it")
     first = commands[0]
     same = [each for each in commands if (each.words[2], each.words[4]) == (first.words[2], first.words[4])]
-    found = [path for each in same for path in _files(Path(reading.deck).parent, each)]
+    found = [path for each in same for path in files_of(Path(reading.deck).parent, each)]
     if not found:
         raise RunFolderError(f"{Path(reading.deck).parent / first.words[5]}: missing; the deck writes it, run it first")
     return found
 
 
-def _files(folder: Path, command: Command) -> list[Path]:
+def files_of(folder: Path, command: Command) -> list[Path]:
     """Return the files that a dump wrote, one for each step where its name holds an asterisk."""
     place = folder / command.words[5]
     return [path for path in sorted(place.parent.glob(place.name)) if path.is_file()]

@@ -9,6 +9,7 @@ https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/pair_gran.ht
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import sqrt
 from typing import Any
 
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw, Dmt, Jkr
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.frozen import dataclass
-from granular_lmp.units import Units
+from granular_lmp.units import AnyUnits
 
 Floats = NDArray[np.float64]
 
@@ -37,8 +38,10 @@ _TANGENTIAL = {
         ("shear_stiffness", "shear_damping", "friction"),
     ),
 }
+_DAMPING = ("velocity", "mass_velocity", "viscoelastic", "tsuji", "coeff_restitution")
+_READ = {*_NORMAL, *_TANGENTIAL, *_DAMPING, "tangential", "damping", "rolling", "twisting", "none", "NULL"}
 CLASSIC = ("gran/hooke", "gran/hooke/history", "gran/hertz/history")
-_MATERIAL = ("hertz/material", "dmt", "jkr")
+MATERIAL = ("hertz/material", "dmt", "jkr")
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,7 @@ class Law:
 
     def elastic(self, radius: Any) -> AdhesionLaw | None:
         """Return the law of contacts with effective radii; None where the normal law has no material."""
-        if self.normal not in _MATERIAL:
+        if self.normal not in MATERIAL:
             return None
         modulus, shear = self.effective()
         if self.shear_stiffness is not None and self.has_history:
@@ -130,7 +133,7 @@ class Law:
             return float(np.pi * np.sqrt(mass / normal[0]))
         return float(2.943 * (5 * mass * speed**2 / (4 * normal[0] / 1.5)) ** 0.4 / speed)
 
-    def in_si(self, units: Units) -> dict[str, Any]:
+    def in_si(self, units: AnyUnits) -> dict[str, Any]:
         """Return what ``run.json`` says of a law, in SI units (of units lj in these); a damping also as it stands."""
         pressure = {"mass": 1, "length": -1, "time": -2}
         return {
@@ -199,6 +202,23 @@ def granular(command: Command, words: Sequence[str]) -> Law | None:
     return Law(command, words[0], **values)
 
 
+def unread(words: Sequence[str]) -> str | None:
+    """Return a word of a law that `granular` does not read: rolling or twisting, or an option; None if all are."""
+    for part, style in pairwise(words):
+        if part in ("rolling", "twisting") and style != "none":
+            return part
+    return next((word for word in words if word not in _READ and not is_number(word)), None)
+
+
+def is_number(word: str) -> bool:
+    """Return whether a word is a number, and not a variable or a name."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 def _numbers(names: Iterable[str], words: Sequence[str]) -> dict[str, float | None]:
     return {name: None if word == "NULL" else float(word) for name, word in zip(names, words, strict=False)}
 
@@ -232,7 +252,7 @@ def _mixed(one: Law, other: Law) -> Law:
 
     With the stiffness NULL LAMMPS puts the mixed E* and √(ν1 ν2) in place of the material of either sphere.
     """
-    if one.normal not in _MATERIAL:
+    if one.normal not in MATERIAL:
         return replace(one, stiffness=sqrt(one.stiffness * other.stiffness), mixed=True)
     (e, g), (e2, g2) = one.effective(), other.effective()
     modulus, shear = 2 * e * e2 / (e + e2), 2 * g * g2 / (g + g2)

@@ -6,7 +6,6 @@ built for it, so that an error in the reading of either shows.
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from math import isclose
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import SceneError
 from granular_lmp.foreign.indexing import Indexed
+from granular_lmp.foreign.laws import Law
 from granular_lmp.foreign.outside import Outside, outside_of
 from granular_lmp.foreign.reading import Reading, Spheres, read
 from granular_lmp.foreign.vibrations import effective_radius
@@ -24,7 +24,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
-from granular_lmp.units import STYLES
+from granular_lmp.units import STYLES, AnyUnits
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +36,8 @@ _FORCE = 0.01  # of the largest force on a sphere that moves
 _FAINT = 1e-4  # of the unit of forces: a largest force below is rounding
 _TOUCHING = 1e-8  # overlap over the radius: contacts of less just touch, and rounding parts them
 _SHALLOW = 1e-4  # overlap over the radius at which laws are compared
-_OF_WALL = ("normal", "young", "poisson", "gamma", "friction", "damping_law", "damping", "viscosity")
+_OF_WALL = ("normal", "young", "poisson", "gamma", "friction", "damping_law")
+_OF_SLIDING = ("tangential", "shear_stiffness", "shear_damping")  # where there is friction
 _ZERO = np.finfo(float).tiny
 
 
@@ -106,7 +107,7 @@ def likeness(reading: Reading, spheres: Spheres, scene: Scene, indexed: Indexed,
         raise SceneError(f"the scene has {len(order)} spheres, and the deck {len(rank)}")
 
     def of_mine(values: Floats, mass: int, length: int, time: int) -> Floats:
-        return np.asarray(values[order][rank] / units.number(1.0, mass=mass, length=length, time=time))
+        return np.asarray(units.si(values[order][rank], mass=mass, length=length, time=time))
 
     def turned(values: Floats) -> Floats:
         return np.asarray(values @ indexed.turn.T)
@@ -183,7 +184,7 @@ def _planes(outside: Outside, reading: Reading, spheres: Spheres, turn: Floats) 
         axis = int(np.argmax(np.abs(way)))
         surface = (wall.side * spheres.position[:, wall.axis] + spheres.radius).max()
         away = float(wall.side * units.si(wall.place, length=1) - surface)
-        found.append((axis, int(way[axis]), away, wall.law.in_si(units)))
+        found.append((axis, int(way[axis]), away, _said(wall.law, units)))
     return sorted(found, key=lambda each: each[:2])
 
 
@@ -193,16 +194,15 @@ def _planes_of(own: Reading, of_mine: Callable[..., Floats], problem: Problem) -
     assert mine is not None
     place, radius, found = of_mine(mine.position, 0, 1, 0), of_mine(mine.radius, 0, 1, 0), []
     for wall in outside_of(own).walls:
-        law, axis = wall.law, wall.axis
-        away = wall.side * wall.place / units.number(1.0, length=1) - (wall.side * place[:, axis] + radius).max()
-        sized = replace(
-            law,
-            young=law.young / units.number(1.0, mass=1, length=-1, time=-2),
-            gamma=law.gamma / units.number(1.0, mass=1, time=-2),
-            damping=law.damping / (units.number(1.0, mass=1, time=-1) if law.damping_law == "velocity" else 1.0),
-        )
-        found.append((axis, wall.side, float(away), sized.in_si(STYLES["si"])))
+        away = wall.side * units.si(wall.place, length=1) - (wall.side * place[:, wall.axis] + radius).max()
+        found.append((wall.axis, wall.side, float(away), _said(wall.law, units)))
     return sorted(found, key=lambda each: each[:2])
+
+
+def _said(law: Law, units: AnyUnits) -> dict[str, Any]:
+    """Return what a law says in SI units, its shear stiffness also where it is that of the material."""
+    shear = law.shear_stiffness if law.shear_stiffness is not None else 8 * law.effective()[1]
+    return law.in_si(units) | {"shear_stiffness": units.si(shear, mass=1, length=-1, time=-2)}
 
 
 def _refuse_walls(theirs: Planes, ours: Planes, scene: Scene) -> None:
@@ -214,7 +214,8 @@ def _refuse_walls(theirs: Planes, ours: Planes, scene: Scene) -> None:
             raise SceneError(
                 f"a wall stands {away:.3g} m beyond the spheres along {'xyz'[axis]}, and in a scene {own:.3g} m"
             )
-        for name in _OF_WALL:
+        loss = "viscosity" if law["damping_law"] == "velocity" else "damping"
+        for name in (*_OF_WALL, loss, *(_OF_SLIDING if law["friction"] else ())):
             one, other = law[name], ours_law[name]
             if one != other and not (isinstance(one, float) and isclose(one, other, rel_tol=_MOTION)):
                 raise SceneError(
@@ -286,7 +287,7 @@ def _stiffnesses(
         )
     found = []
     for their, our in zip(theirs[1:], ours[1:], strict=True):
-        first, second = deck.si(their, mass=1, time=-2), our / units.number(1.0, mass=1, time=-2)
+        first, second = deck.si(their, mass=1, time=-2), units.si(our, mass=1, time=-2)
         found.append(float(np.max(np.abs(first - second) / np.maximum(first, _ZERO), initial=0.0)))
     return len(theirs[0]), found[0], found[1] if problem.on["shear"] else 0.0
 
@@ -303,6 +304,6 @@ def _by_pair(reading: Reading, place: NDArray[np.int64]) -> tuple[NDArray[np.int
     one, other = place[near.i], place[near.j]
     pair = np.minimum(one, other) * len(place) + np.maximum(one, other)
     ascending = np.lexsort((normal, pair))
-    law, size = reading.laws[(int(spheres.type[0]),) * 2], spheres.radius[:1]
+    law, size = reading.laws[(int(spheres.type[0]),) * 2], spheres.radius.max(keepdims=True)
     alone = law.stiffnesses(size / 2, _SHALLOW * size)
     return pair[ascending], np.append(normal[ascending], alone[0]), np.append(shear[ascending], alone[1])

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from granular_lmp.foreign.interpreter import Command
+from granular_lmp.foreign.known import files_of
 from granular_lmp.foreign.reading import Reading
 from granular_lmp.lammps.local_dump import ENDS, OTHER, WORDS
 
@@ -16,12 +17,11 @@ def local_dumps(reading: Reading) -> dict[Path, list[str]]:
     """Return the files of a deck's dumps of contacts that are there, each with the words of its columns."""
     folder = Path(reading.deck).parent
     found: dict[Path, list[str]] = {}
-    for dump in reading.named("dump"):
-        if dump.words[3] == "local":
-            place = folder / dump.words[5]
+    for dump in reading.dumps:
+        if dump.words[3] in ("local", "local/gz"):
             words = words_of(reading, dump)
             if {*ENDS} <= {*words}:
-                found |= {path: words for path in sorted(place.parent.glob(place.name)) if path.is_file()}
+                found |= dict.fromkeys(files_of(folder, dump), words)
     return found
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.foreign.interpreter import Command
-from granular_lmp.foreign.laws import Law, granular
+from granular_lmp.foreign.laws import Law, granular, is_number, unread
 from granular_lmp.foreign.reading import Reading, Recorded
 from granular_lmp.frozen import dataclass
 from granular_lmp.units import Units
@@ -137,6 +137,8 @@ def outside_of(reading: Reading) -> Outside:
     discs = found.discs[free].any()
     if some and (not found.turns[free].all() or (discs and not found.discs[free].all())):
         found.others += map(str, turning)
+    if (found.held & ~found.frozen & found.moves & found.turns).any() and found.sheared:
+        found.others += [str(fix) for fix in recorded.stage.fixes if _stops(fix)]
     return Outside(
         begin=recorded.begin,
         history=recorded.history,
@@ -194,12 +196,23 @@ class _Found:
         """Add ``setforce``: of no force at all, or of none along axes across which the crystal is symmetric."""
         stopped = _zeros(fix.words[4:])
         assert stopped is not None
-        places, speeds = self.spheres.position, self.spheres.velocity
-        flat = (np.ptp(places, axis=0) < _FLAT * self.spheres.radius.max()) & ~speeds.any(axis=0)
         if stopped.all():
             self.held |= members
-        elif not flat[stopped].all():
+        elif not self._flat[stopped].all():
             self.others.append(str(fix))
+
+    @property
+    def _flat(self) -> NDArray[np.bool_]:
+        """Axes along which no sphere moves, as all have one place there."""
+        places, speeds = self.spheres.position, self.spheres.velocity
+        return np.asarray((np.ptp(places, axis=0) < _FLAT * self.spheres.radius.max()) & ~speeds.any(axis=0))
+
+    @property
+    def sheared(self) -> bool:
+        """Whether contacts may turn spheres, which those of a line that moves along itself do not."""
+        laws, flat = [*self.reading.laws.values(), *(wall.law for wall in self.walls)], self._flat
+        pushed = self.walls or self.pushes[:, flat].any() or self.spheres.spin.any()
+        return any(law.friction for law in laws) and bool(flat.sum() < 2 or pushed)
 
     def _moves(self, fix: Command, members: NDArray[np.bool_]) -> bool:
         """Add a straight motion, or one to and fro, whose time counts from the making of the fix.
@@ -252,7 +265,8 @@ class _Found:
         """Return the planes of ``fix wall/gran granular`` with all spheres; none if it is another wall."""
         words = fix.words
         place = next((n for n, word in enumerate(words) if word in ("xplane", "yplane", "zplane")), len(words))
-        ends, law = words[place + 1 : place + 3], granular(fix, words[5:]) if words[4] == "granular" else None
+        ends, said = words[place + 1 : place + 3], words[5:place]
+        law = granular(fix, said) if words[4] == "granular" and not unread(said) else None
         if law is None or len(ends) < 2 or {*words[place + 3 :]} - {"contacts"} or not members.all():
             return []
         return [
@@ -288,10 +302,7 @@ def _spacing(reading: Reading, fix: Command) -> Vector | None:
 
 def _numbers(words: tuple[str, ...]) -> list[float] | None:
     """Return words as numbers; None if one is no number, as a variable."""
-    try:
-        return [float(word) for word in words]
-    except ValueError:
-        return None
+    return [float(word) for word in words] if all(map(is_number, words)) else None
 
 
 def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:
@@ -302,12 +313,23 @@ def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:
     return ~np.isnan(numbers)
 
 
+def _stops(fix: Command) -> bool:
+    """Return whether a fix takes the forces of its spheres, but not their torques."""
+    return fix.words[3] == "setforce" and (stopped := _zeros(fix.words[4:])) is not None and bool(stopped.all())
+
+
 def _later(reading: Reading, recorded: Recorded) -> Iterator[str]:
-    """Yield commands between the runs that write the dump, after which spheres no longer do what they did."""
+    """Yield commands in and between the runs that write the dump, after which spheres no longer do what they did."""
     commands = reading.commands
     runs = [n for n, each in enumerate(commands) if any(each is stage.command for stage in reading.stages)]
-    for command in commands[_place(reading, recorded.stage.command) + 1 : runs[-1]]:
+    for command in commands[_place(reading, recorded.stage.command) : runs[-1] + 1]:
         if command.name in ("undump", "clear"):
+            return
+        if command.name == "run" and "every" in command.words:  # commands after each part of the run
+            if {*command.words[command.words.index("every") + 2 :]} - {"NULL"}:
+                yield str(command)
+            continue
+        if command is commands[runs[-1]]:
             return
         fixes = [each for each in commands if each.name == "fix" and each.words[1:2] == command.words[1:2]]
         fix = fixes[-1] if command.name == "unfix" else command

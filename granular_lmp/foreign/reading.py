@@ -132,7 +132,7 @@ class Reading:
     stages : runs and minimizations.
     stopped : why LAMMPS did not read on; "" if it came to the end.
     data_heads : first line of each data file, by the command that reads it.
-    units, dimension, periodic, low, high : units, dimensions, and the box.
+    units, dimension, periodic, low, high, tilt : units, dimensions, and the box; its tilt is xy, yz, xz.
     laws : law of each pair of types, the lower one first; empty where it is not known.
     spheres, pairs : at the beginning of the first long run; None if the deck did not come so far, or has none then.
     recorded : the run that writes the first dump; None if there is no long one.
@@ -148,6 +148,7 @@ class Reading:
     periodic: tuple[bool, bool, bool]
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+    tilt: tuple[float, float, float]
     laws: Mapping[tuple[int, int], Law]
     spheres: Spheres | None
     pairs: Pairs | None
@@ -261,6 +262,7 @@ def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Rea
         periodic=(bool(box[5][0]), bool(box[5][1]), bool(box[5][2])),
         low=tuple(box[0]),
         high=tuple(box[1]),
+        tilt=(float(box[2]), float(box[3]), float(box[4])),
         laws=laws_of(deck.commands[: -1 if stopped else None], int(lmp.extract_setting("ntypes"))),
         **found,
     )

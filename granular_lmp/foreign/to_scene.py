@@ -21,7 +21,7 @@ from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.foreign.adopt_dump import Known
 from granular_lmp.foreign.begun import Motion, begins
 from granular_lmp.foreign.indexing import Indexed, index, neighbours
-from granular_lmp.foreign.laws import Law
+from granular_lmp.foreign.laws import MATERIAL, Law, unread
 from granular_lmp.foreign.likeness import Likeness, likeness
 from granular_lmp.foreign.outside import Outside
 from granular_lmp.foreign.reading import Reading, Recorded, Spheres, Stage
@@ -42,13 +42,12 @@ _READ = (
     *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
 )
 _SHEARED = {"mindlin": "secant", "mindlin/force": "incremental", "mindlin_rescale": "rescaled"}
-_MATERIAL = ("hertz/material", "dmt", "jkr")
-_PARTS = ("tangential", "damping", "rolling", "twisting", "none")  # words of a law, beside its numbers
 _TOUCHING = 1e-9  # of a radius: overlaps and gaps below are the rounding of places
 _UNLOADED = 1e-6  # of the pull-off force: less load is the rounding of places
 _LEAST_STRAIN = 1e-7
 _STRAIN = 0.05  # of the static compression: more strain of the whole crystal makes its contacts unlike
 _ALIKE = 1e-9  # relative difference of radii, densities and constants that are the same
+_EVEN = 1e-6  # of the time between records: differences of times that %g prints
 _MOST_WAYS = 4  # in which a crystal lies in its lattice, each tried as a scene
 
 
@@ -73,7 +72,7 @@ class Described:
     unsaid: tuple[str, ...]
 
 
-def scene_of(reading: Reading, known: Known, name: str, sample: float) -> Described:
+def scene_of(reading: Reading, known: Known, name: str, times: Floats) -> Described:
     """Return the scene of a foreign deck.
 
     Parameters
@@ -83,8 +82,8 @@ def scene_of(reading: Reading, known: Known, name: str, sample: float) -> Descri
         Knowledge of the deck beside it.
     name : str
         Name of the scene.
-    sample : float
-        Time between two records, s; 0 if there is one record alone.
+    times : (T,) array
+        Times of the records, s.
 
     Raises
     ------
@@ -94,22 +93,22 @@ def scene_of(reading: Reading, known: Known, name: str, sample: float) -> Descri
     spheres, units = _whole(reading, known.outside), STYLES[reading.units]
     law = _one_law(reading, spheres)
     si = _in_si(spheres, units)
-    cell = np.diag(units.si(np.subtract(reading.high, reading.low), length=1))
+    edges = units.si(np.subtract(reading.high, reading.low), length=1)
     radius, apart = _most(si.radius), neighbours(si.position)
     strain = max(_STRAIN * (1 - apart / (2 * radius)), _LEAST_STRAIN)
     troubles = []
-    for number, indexed in enumerate(index(si.position, cell, np.array(reading.periodic), strain)):
+    for number, indexed in enumerate(index(si.position, edges, np.array(reading.periodic), strain)):
         if number == _MOST_WAYS:
             break
         try:
-            return _described(reading, known, si, law, indexed, name, sample)
+            return _described(reading, known, si, law, indexed, name, times)
         except GranularError as error:
             troubles.append(str(error))
     raise SceneError(troubles[0])
 
 
 def _described(
-    reading: Reading, known: Known, spheres: Spheres, law: Law, indexed: Indexed, name: str, sample: float
+    reading: Reading, known: Known, spheres: Spheres, law: Law, indexed: Indexed, name: str, times: Floats
 ) -> Described:
     """Return the scene of spheres in SI units whose places in a lattice are known."""
     units, unsaid = STYLES[reading.units], list[str]()
@@ -118,9 +117,8 @@ def _described(
         unsaid.append(f"friction {law.friction:g}: nothing is sheared in a chain")
     if reading.dimension == 3 and not indexed.lattice.solid:
         unsaid.append("dimension 3: spheres of the scene move in a plane, from which no force of the deck drives them")
-    step = float(units.si(_start_of(reading).timestep, time=1))
-    steps = sum(stage.steps or 0 for stage in reading.stages)
-    times = (step, sample or step, step * steps)
+    if len(times) > 1 and np.ptp(np.diff(times)) > _EVEN * np.diff(times).max():
+        unsaid.append("snapshots at uneven times: the scene has records as far apart as the nearest two")
     failed: GranularError | None = None
     periodic = (np.abs(indexed.turn) @ np.array(reading.periodic) > 0).tolist()
     for sphere, load, touching in _spheres(spheres, law, indexed, units, periodic=periodic[1]):
@@ -132,16 +130,29 @@ def _described(
             tables["start"] = {"touching": True}
         effects = partial(_effects, law, spheres, known.outside, units, indexed)
         try:
-            for more in begins(tables, motion, effects, times):
+            for more in begins(tables, motion, effects, _clock(reading, known.outside, times)):
                 scene = Scene.from_dict(more, name)
                 try:
                     like = likeness(reading, spheres, scene, indexed, known.outside)
                     return Described(scene, indexed, like, tuple(unsaid))
                 except GranularError as error:
-                    failed = error
+                    failed = failed or error
         except GranularError as error:
-            failed = error
+            failed = failed or error
     raise failed or SceneError("nothing moves at the beginning of its first long run, and a scene says what moves")
+
+
+def _clock(reading: Reading, outside: Outside, times: Floats) -> tuple[float, float, float]:
+    """Return the time of a step, the time between records, and that of the last one from the beginning of the run, s.
+
+    Of fewer than two records these are the step and the time of the run.
+    """
+    start = _start_of(reading)
+    step = float(STYLES[reading.units].si(start.timestep, time=1))
+    if len(times) < 2:
+        return step, step, step * (start.steps or 1)
+    begin = min(step * (outside.begin or 0), float(times[0]))
+    return step, float(np.diff(times).min()), float(times[-1]) - begin
 
 
 # --- what is refused before a lattice is sought -----------------------------------------------------------------------
@@ -161,6 +172,8 @@ def _whole(reading: Reading, outside: Outside) -> Spheres:
         raise SceneError("a run or a minimization comes before the one that is recorded, and is not executed here")
     if reading.units not in STYLES or reading.units == "lj":
         raise SceneError(f"units {reading.units}: a scene is in SI units")
+    if any(reading.tilt) and any(reading.periodic):
+        raise SceneError("the box is tilted, and that of a scene is not")
     for command in reading.commands:
         if command.name not in _READ or (command.name == "neigh_modify" and "exclude" in command.words):
             raise SceneError(f"'{command}': no key of a scene says what it does")
@@ -214,15 +227,11 @@ def _one_law(reading: Reading, spheres: Spheres) -> Law:
                 "one material has one; say other materials by an [[inclusion]]"
             )
     law = laws[first]
-    words = law.command.words
-    for part in ("rolling", "twisting"):
-        if part in words and words[words.index(part) + 1] != "none":
-            raise SceneError(f"'{law.command}': {part} of a foreign deck is not read")
-    named = [word for word in words[4:] if not _is_number(word) and word != "NULL"]
-    said = {*_PARTS, *_SHEARED, "linear_nohistory", "velocity", "coeff_restitution", "viscoelastic", "mass_velocity"}
-    if law.normal not in _MATERIAL or (left := [word for word in named if word not in {*said, *_MATERIAL, "tsuji"}]):
-        wrong = law.normal if law.normal not in _MATERIAL else left[0]
-        raise SceneError(f"'{law.command}': no key of a scene says {wrong}")
+    left = unread(law.command.words[4:])
+    if left in ("rolling", "twisting"):
+        raise SceneError(f"'{law.command}': {left} of a foreign deck is not read")
+    if law.normal not in MATERIAL or left:
+        raise SceneError(f"'{law.command}': no key of a scene says {left if law.normal in MATERIAL else law.normal}")
     if law.mixed and law.shear_share != 1 and law.has_history and law.friction:
         raise SceneError(
             "LAMMPS mixes the shear modulus of two types in its own way, and a scene has that of contact mechanics"
@@ -236,14 +245,6 @@ def _one_law(reading: Reading, spheres: Spheres) -> Law:
     if law.has_history and law.tangential not in _SHEARED:
         raise SceneError(f"tangential {law.tangential}: a scene has {', '.join(_SHEARED)}")
     return law
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 # --- the tables of a scene --------------------------------------------------------------------------------------------
@@ -410,7 +411,7 @@ def _differing(spheres: Spheres, indexed: Indexed, sphere: Sphere) -> dict[str, 
 def _effects(
     law: Law, spheres: Spheres, outside: Outside, units: Units, indexed: Indexed, *, held: bool
 ) -> dict[str, Any]:
-    """Return the table ``[effects]`` of a law, and ``[contact]`` for a shear stiffness that was measured."""
+    """Return the table ``[effects]`` of a law."""
     turns = bool(spheres.turns.any())
     sheared = law.has_history and law.friction > 0
     effects: dict[str, Any] = {}

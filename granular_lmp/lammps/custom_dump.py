@@ -37,7 +37,7 @@ PLACES = (
 IMAGES = ("ix", "iy", "iz")
 _KNOWN = {*(name for names, *_ in PLACES for name in names), *IMAGES, "id", "type", "mol", "radius", "diameter", "mass"}
 _KNOWN |= {f"{name}{axis}" for name in ("v", "omega", "f") for axis in "xyz"}
-_GZIP, _MAGIC = b"\x1f\x8b", b"DUMPCUSTOM"
+GZIP, _MAGIC = b"\x1f\x8b", b"DUMPCUSTOM"
 _SAMPLE = 200  # lines of a snapshot in which digits are counted
 
 
@@ -113,7 +113,7 @@ def is_dump(path: str | Path) -> bool:
     """Return whether a file begins as a dump does: as text, gzip, or binary."""
     with Path(path).open("rb") as stream:
         begin = stream.read(8 + len(_MAGIC))
-    return begin.startswith((b"ITEM:", _GZIP)) or begin[8:] == _MAGIC
+    return begin.startswith((b"ITEM:", GZIP)) or begin[8:] == _MAGIC
 
 
 def frames(path: str | Path, say: Say) -> Iterator[Frame]:
@@ -205,7 +205,7 @@ def _opened(path: Path, zipped: bool) -> Iterator[IO[str]]:
 def text_snapshots(path: Path, say: Say, read: "Callable[[Lines], Snapshot | None]") -> Iterator[Snapshot]:
     """Yield what `read` makes of the snapshots of a text or gzip, of which the last may be cut off."""
     with path.open("rb") as begin:
-        zipped = begin.read(len(_GZIP)) == _GZIP
+        zipped = begin.read(len(GZIP)) == GZIP
     with _opened(path, zipped) as stream:
         lines = Lines(stream)
         while True:

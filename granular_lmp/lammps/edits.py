@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from granular_lmp.errors import DeckError
 from granular_lmp.scene.schema import allowed_names
 
-_COMMENT = re.compile(r"(?:^|[ \t]+)#(?= ).*", re.MULTILINE)
+# LAMMPS joins lines at a last & and between triple quotes before it strips comments: such comments are more than that
+_COMMENT = re.compile(r'(?:^|[ \t]+)#(?= )(?!.*(?:"""|&\s*$)).*', re.MULTILINE)
 _BEGIN = re.compile(r"^(?:# --- (\w+)|(run) \$)", re.MULTILINE)
 
 
@@ -43,7 +44,8 @@ def with_lines(text: str, before: Mapping[str, str], after: Mapping[str, str]) -
 def differing_lines(written: str, text: str) -> list[str]:
     """Return the lines that differ between a written and another text: "+ ..." is new, "- ..." is gone.
 
-    Comments do not count, so a deck that an earlier release wrote with other comments is not an edited one.
+    Comments do not count, so a deck that an earlier release wrote with other comments is not an edited one; those that
+    end in "&" or hold triple quotes do, as LAMMPS ignores lines behind them too.
     """
     if written == text:
         return []

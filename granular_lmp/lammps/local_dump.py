@@ -5,7 +5,7 @@ reader knows by the words of ``compute property/local`` and ``compute pair/local
 at a time. https://docs.lammps.org/dump.html
 """
 
-import gzip
+import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.custom_dump import CutError, Lines, Say, text_snapshots
+from granular_lmp.lammps.custom_dump import GZIP, CutError, Lines, Say, text_snapshots
 from granular_lmp.scene.schema import allowed_names
 
 Floats = NDArray[np.float64]
@@ -30,6 +30,7 @@ ENDS = ("patom1", "patom2")
 OTHER = "-"  # of a column that is not read
 _ONE_LINE = ("UNITS", "TIME", "TIMESTEP", "NUMBER OF")
 _BOX = 3  # lines
+_HEAD = 4096  # bytes, and
 _LINES = 12  # in which the head of a dump says what it is of
 
 
@@ -45,13 +46,14 @@ class LocalSnapshot:
 def is_local(path: str | Path) -> bool:
     """Return whether a file is a dump of contacts, bonds or the like, and not of spheres."""
     with Path(path).open("rb") as stream:
-        zipped = stream.read(2) == b"\x1f\x8b"
-    try:
-        with gzip.open(path, "rb") if zipped else Path(path).open("rb") as lines:
-            head = [line for line, _ in zip(lines, range(_LINES), strict=False)]
-    except OSError:
-        return False
-    return any(line.startswith(b"ITEM: NUMBER OF ") and b"ATOMS" not in line for line in head)
+        head = stream.read(_HEAD)
+    if head.startswith(GZIP):
+        try:
+            head = zlib.decompressobj(wbits=zlib.MAX_WBITS + 16).decompress(head)
+        except zlib.error:
+            return False
+    lines = head.split(b"\n")[:_LINES]
+    return any(line.startswith(b"ITEM: NUMBER OF ") and b"ATOMS" not in line for line in lines)
 
 
 def local_snapshots(path: str | Path, say: Say) -> Iterator[LocalSnapshot]:

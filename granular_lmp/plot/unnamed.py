@@ -74,7 +74,7 @@ def contacts_figure(crystal: Unnamed, name: str) -> Picture:
     Raises
     ------
     ViewError
-        For another name than "contacts".
+        For another name than "contacts", or contacts of which the spheres alone are known.
     """
     if name != "contacts":
         raise ViewError(f"monitor = {name!r}: an unnamed crystal has 'contacts' alone")
@@ -83,6 +83,8 @@ def contacts_figure(crystal: Unnamed, name: str) -> Picture:
     moments, at = np.unique(times, return_inverse=True)
     pairs, which = np.unique(np.stack([one, other], axis=1), axis=0, return_inverse=True)
     drawn = [(each, values) for each, values in quantities if not re.search("_[xyz](_|$)", each)]
+    if not drawn:
+        raise ViewError(f"{crystal.folder}: its contacts have no overlap and no size of a force that could be drawn")
     figure = Picture(figsize=(PAGE, 0.9 + 1.2 * len(drawn)), layout="constrained")
     panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
     for panel, (each, values) in zip(panels, drawn, strict=True):

@@ -1,4 +1,4 @@
-"""What holds the spheres of a scene at rest (adhesion, a load, or nothing), and properties that depend on it.
+"""Holding of the spheres of a scene at rest, by adhesion, a load or nothing, and properties that depend on it.
 
 Adhesion or a load holds spheres at rest, as in every scene with a wave (`AT_REST`). Spheres that just touch and a
 compressed chain are not held (`LOOSE`): their contacts open without a pull, and they fly.

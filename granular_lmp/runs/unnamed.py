@@ -19,6 +19,7 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, snapshot_at
+from granular_lmp.lammps.local_dump import ENDS
 from granular_lmp.lammps.outputs import UNNAMED, UNNAMED_CONTACTS
 from granular_lmp.runs.readouts import FEWEST_PERIODS, HARMONICS, harmonics
 from granular_lmp.runs.record import Record
@@ -32,10 +33,10 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 ENTRY = "unnamed"  # of run.json
-_ENDS = ("patom1", "patom2")
 # Forces of contacts by the words of LAMMPS for them
 _FORCES = {"force": "normal", "p4": "shear", "fx": "normal_x", "fy": "normal_y", "fz": "normal_z"}
 _FORCES |= {"p1": "shear_x", "p2": "shear_y", "p3": "shear_z"}
+_COMPONENTS = ("fx", "fy", "fz", "p1", "p2", "p3")
 _FLAT = 1e-9  # of the size of a crystal: places along an axis that differ by less are the same
 
 
@@ -325,7 +326,7 @@ class Unnamed:
         if begin is None:
             return {}
         each = _snapshot_of(self.folder / UNNAMED_CONTACTS, begin)
-        there = np.isin(each.table[:, [each.names.index(name) for name in _ENDS]], self.spheres).all(axis=1)
+        there = np.isin(each.table[:, [each.names.index(name) for name in ENDS]], self.spheres).all(axis=1)
         return dict(zip(each.names, each.table[there].T.copy(), strict=True))
 
     @property
@@ -353,10 +354,12 @@ class Unnamed:
             raise RunFolderError(f"{self.folder}: its contacts are of other steps than its spheres")
         columns = {name: np.concatenate([each[name] for each in every]) for name in every[0]}
         end = {name: unit if self.in_si else "" for name, unit in (("t", "_s"), ("m", "_m"), ("N", "_N"))}
-        counts = [len(each[_ENDS[0]]) for each in every]
-        one, other = (columns[name].astype(np.int64) for name in _ENDS)
+        counts = [len(each[ENDS[0]]) for each in every]
+        one, other = (columns[name].astype(np.int64) for name in ENDS)
         found: dict[str, NDArray[Any]] = {f"t{end['t']}": np.repeat(self.time[numbers], counts)}
-        found |= {"id_i": one, "id_j": other}
+        found |= {"id_i": np.minimum(one, other), "id_j": np.maximum(one, other)}
+        on_first = np.where(one < other, 1.0, -1.0)  # LAMMPS says components on the sphere that it names first
+        columns |= {word: columns[word] * on_first for word in columns if word in _COMPONENTS}
         if "dist" in columns:
             radius = self.radius[np.searchsorted(self.spheres, one)] + self.radius[np.searchsorted(self.spheres, other)]
             found[f"overlap{end['m']}"] = radius - columns["dist"]

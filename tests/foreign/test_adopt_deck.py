@@ -117,7 +117,7 @@ INTEGRATED = {
     "a bead to and fro": ("", "fix 2 last move wiggle -3e-4 1e-4 0 6e-5\n"),
     "in units of a lattice": ("", "lattice hcp 0.5\nfix 2 last move wiggle -6e-4 1.1547e-4 0 6e-5\n"),
     "a bead that goes on": ("", "fix 2 last move linear -10 2 0\n"),
-    "a piston": ("fix 1 all nve/sphere", "velocity last set -10 0 0\nfix 2 last setforce 0 0 0\n"),
+    "a piston": ("fix 1 free nve/sphere\nfix 3 last nve", "velocity last set -10 0 0\nfix 2 last setforce 0 0 0\n"),
     "frozen": ("fix 1 all nve/sphere", "fix 2 last freeze\n"),
     "discs": ("fix 1 free nve/sphere disc", "fix 3 all enforce2d\n"),
     "no rotation": ("fix 1 free nve", ""),
@@ -177,6 +177,7 @@ OTHERS = {
     "a slope over time": "variable t equal 9e2*step\nfix 2 free gravity v_t chute 24\n",
     "setforce": "fix 2 first setforce 1e5 0 0\n",
     "no force across": "fix 2 free setforce NULL 0 NULL\n",
+    "held spheres that turn": "fix 3 last nve/sphere\nfix 2 last setforce 0 0 0\n",
     "a turning motion": "fix 2 last move rotate 18 0 0 0 0 1 1e-3\n",
     "a motion along one axis": "fix 2 last move wiggle 1e-4 NULL NULL 1e-4\n",
     "a motion in a stretched lattice": "lattice sc 0.5 spacing 1 2 1\nfix 2 last move linear -10 2 0\n",
@@ -191,6 +192,13 @@ OTHERS = {
 def test_what_no_witness_knows_is_kept_by_its_line(name: str, deck: Path, tmp_path: Path) -> None:
     found = outside_of(read(pushed(deck, tmp_path, "", OTHERS[name])))
     assert found.others == (OTHERS[name].splitlines()[-1],)
+
+
+def test_held_spheres_of_a_line_do_not_turn(deck: Path, tmp_path: Path) -> None:
+    fixes, line = OTHERS["held spheres that turn"], "first set 10 3 0"
+    path = pushed(deck, tmp_path, "", fixes)
+    path.write_text(path.read_text().replace(line, "first set 10 0 0"))
+    assert outside_of(read(path)).others == ()
 
 
 def test_a_motion_in_units_of_the_box_does_not_ask_for_a_lattice(deck: Path, tmp_path: Path) -> None:
@@ -213,6 +221,18 @@ def test_what_changes_between_two_runs_of_a_dump_is_refused(deck: Path, tmp_path
     assert crystal.known["outside"]["others"] == lines
     with pytest.raises(TheoryError, match="'velocity first set 10 0 0' is not built; the witness knows constant"):
         witness(crystal)
+
+
+@pytest.mark.parametrize("runs", ["run 1000 EVERY", "run 500\nrun 500 EVERY", "run 500 EVERY\nrun 500"])
+def test_commands_within_a_run_are_kept_by_its_line(runs: str, deck: Path, tmp_path: Path) -> None:
+    path = tmp_path / "in.beads"
+    path.write_text(
+        deck.read_text().replace("run 1000", runs.replace("EVERY", 'every 100 "velocity first set 10 0 0"'))
+    )
+    (found,) = outside_of(read(path)).others
+    assert found.endswith("every 100 velocity first set 10 0 0")
+    path.write_text(deck.read_text().replace("run 1000", runs.replace("EVERY", "every 100 NULL")))
+    assert outside_of(read(path)).others == ()
 
 
 def test_what_acts_before_the_dump_begins_is_not_in_its_run(deck: Path, tmp_path: Path) -> None:

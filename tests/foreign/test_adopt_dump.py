@@ -310,10 +310,12 @@ def test_spheres_in_a_plane_touch_none_across_it(height: float, tmp_path: Path) 
     assert (len(found.contacts(found[0]).overlap) == 1) == (height == 0)
 
 
-def test_contacts_in_a_box_that_deforms_are_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("edge", "later"), [("0 1", "0 0.9"), ("0 1e-5", "0 0.9991e-5")])
+def test_contacts_in_a_box_that_deforms_are_refused(edge: str, later: str, tmp_path: Path) -> None:
     path = tmp_path / "dump.pressed"
-    one, other = (PLAIN.format(step, 1, "id x y z") + "1 0.5 0.5 0.5\n" for step in (0, 10))
-    path.write_text(one + other.replace("pp ff ff\n0 1", "pp ff ff\n0 0.9"))
+    texts = (PLAIN.format(step, 1, "id x y z") + "1 0.5 0.5 0.5\n" for step in (0, 10))
+    boxes = zip(texts, (edge, later), strict=True)
+    path.write_text("".join(text.replace("pp ff ff\n0 1", f"pp ff ff\n{box}") for text, box in boxes))
     found = adopt_dump([path], tmp_path / "run", KNOWN)
     assert any("the box is another one" in each for each in found.info["remarks"])
     with pytest.raises(RunFolderError, match="its box deforms"):

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from granular_lmp.foreign.lint import lint
 from granular_lmp.foreign.outside import outside_of
 from granular_lmp.foreign.reading import Reading, read
 from granular_lmp.foreign.vibrations import contacts_of
+from granular_lmp.lammps.installation import lammps_module
 from tests.foreign.decks import CHAIN, SHEET
 
 BEGIN = """units lj
@@ -49,7 +51,9 @@ def said(reading: Reading) -> list[str]:
         ('if "1 > 0" then "jump SELF end"\nvariable said string no\nlabel end\nvariable said string yes', ["yes"]),
         ("variable said string one\nquit\nvariable said string two", ["one"]),
         ('variable said string "one # two" # three', ["one # two"]),
-        ("variable said &\n   string &  # with a comment\n   long", ["long"]),
+        ("variable said &\n   string & \t\n   long  # with a comment", ["long"]),
+        ("variable said string one  # two &\nvariable said string three", ["one"]),
+        ('# """\nvariable said string one\n""" two\nvariable said string three', ["three"]),
         ('variable said string """one\n  two"""', ["one\n  two"]),
     ],
 )
@@ -68,7 +72,29 @@ def test_a_command_has_its_file_and_the_number_of_its_first_line(tmp_path: Path)
 
 
 def test_lines_and_words_are_those_of_lammps() -> None:
-    assert lines_of("a b # c\n\nd & # e\n  f\n'g # h'\n") == [(1, "a b"), (3, "d    f"), (5, "'g # h'")]
+    text = "a b # c\n\nd &\n  f\n'g # h'\ni & # j\nk\n# l &\nm\nn\n"
+    expected = [(1, "a b"), (3, "d   f"), (5, "'g # h'"), (6, "i &"), (7, "k"), (10, "n")]
+    assert lines_of(text) == expected
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "variable one string 1\n# note &\nvariable two string 2\nvariable three string 3\n",
+        "variable one string & # note\nvariable two string 2\n",
+        '# """\nvariable one string 1\n# """ &\nvariable two string 2\nvariable three string 3\n',
+        'variable one string """1 &\n2 # 3\n"""\nvariable two str&\ning 2\n',
+        "# don't &\nvariable one string 1\nvariable two string && \n3\n",
+    ],
+)
+def test_lines_are_joined_as_lammps_joins_them(text: str, tmp_path: Path) -> None:
+    (tmp_path / "in.lines").write_text(text)
+    with closing(lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])) as lmp:
+        lmp.file(str(tmp_path / "in.lines"))
+        names = ("one", "two", "three")
+        there = {name: lmp.extract_variable(name) for name in names if lmp.has_id("variable", name)}
+    assert there
+    assert {words[1]: words[3] for _, line in lines_of(text) if (words := split(line))} == there
     assert split("""a "b c" 'd "e"' f""") == ("a", "b c", 'd "e"', "f")
 
 

@@ -109,10 +109,59 @@ def test_columns_that_are_not_known_are_asked_for(words: list[str] | None, messa
     assert not (plate / "none").exists()
 
 
+def test_dumps_of_other_columns_or_the_same_steps_are_refused(plate: Path, tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    words = ["-", "dist", "force", "patom2", "patom1", "p4"]
+    both = {plate / "dump.local": WORDS, plate / "dump.label.gz": words}
+    with pytest.raises(RunFolderError, match="begins at step 0, as dump.label.gz does"):
+        adopt_dump([plate / "dump.plate"], place, KNOWN, contacts=both)
+    text = (plate / "dump.local").read_text()
+    (tmp_path / "later").write_text(text.replace("TIMESTEP\n0\n", "TIMESTEP\n10\n"))
+    others = {plate / "dump.local": WORDS, tmp_path / "later": [*WORDS[:2], "-", *WORDS[3:]]}
+    with pytest.raises(RunFolderError, match=r"later: holds patom1, patom2, -, .* dump.local patom1, patom2, dist"):
+        adopt_dump([plate / "dump.plate"], place, KNOWN, contacts=others)
+
+
+def test_contacts_of_which_the_spheres_alone_are_known_are_not_drawn(plate: Path, tmp_path: Path) -> None:
+    contacts = {plate / "dump.local": [*WORDS[:2], *"-" * 9]}
+    adopt_dump([plate / "dump.plate"], tmp_path / "run", KNOWN, contacts=contacts)
+    with pytest.raises(ViewError, match="have no overlap and no size of a force"):
+        view(tmp_path / "run", tmp_path / "contacts.svg", monitor="contacts")
+
+
+def test_the_sphere_of_the_lower_number_stands_first(plate: Path, adopted: Unnamed, tmp_path: Path) -> None:
+    swapped = adopt_dump(
+        [plate / "dump.plate"],
+        tmp_path / "run",
+        KNOWN,
+        contacts={plate / "dump.local": ["patom2", "patom1", *WORDS[2:]]},
+    )
+    usual, turned = adopted.contact_columns, swapped.contact_columns
+    assert (usual["id_i"] < usual["id_j"]).all()
+    for name, values in usual.items():  # what the swapped names say is the force on the other sphere
+        sign = -1 if name.startswith(("normal_", "shear_")) and name[-3] in "xyz" else 1
+        np.testing.assert_array_equal(turned[name], sign * values, err_msg=name)
+
+
+def test_all_styles_of_local_dumps_of_a_deck_are_found(plate: Path, tmp_path: Path) -> None:
+    text = (plate / "in.plate").read_text().replace("dump 3 all local ", "dump 9 all\ndump 3 all local/gz ")
+    (plate / "in.gz").write_text(text)
+    assert {path.name for path in local_dumps(read(plate / "in.gz"))} == {"dump.local", "dump.label.gz"}
+
+
+def test_words_of_columns_need_a_dump_of_contacts(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["adopt", str(plate / "dump.plate"), "-o", str(plate / "none"), "--units", "si", "--timestep", "2e-6"]
+    assert main([*asked, "--radius", "0.01", "--columns", "patom1,patom2"]) == 2
+    assert "columns = patom1,patom2: no dump of contacts is there" in capsys.readouterr().err
+
+
 def test_contacts_alone_are_no_crystal(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert is_local(plate / "dump.local")
     assert is_local(plate / "dump.label.gz")
     assert not is_local(plate / "dump.plate")
+    for size in (3, 300):
+        (plate / "cut.gz").write_bytes((plate / "dump.label.gz").read_bytes()[:size])
+        assert is_local(plate / "cut.gz") == (size > 3)
     assert main(["adopt", str(plate / "dump.local"), "-o", str(plate / "alone")]) == 2
     assert "is a dump of contacts; name the dump of their spheres too" in capsys.readouterr().err
 

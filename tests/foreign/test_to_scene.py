@@ -34,6 +34,12 @@ SCENES: dict[str, dict[str, Any]] = {
         "packing": {"lattice": "square", "rows": 4, "columns": 5, "first": "wall", "sides": "wall", "last": "free"},
         "striker": [{"rows": [3, 3], "velocity": 1.0, "direction": "-y"}],
     },
+    "damped walls": {
+        "sphere": STEEL,
+        "packing": {"lattice": "square", "rows": 3, "columns": 4, "first": "wall", "last": "free"},
+        "effects": {"friction": 0.3, "viscosity": 20.0, "shear_damping": 0.5},
+        "striker": [{"rows": [2, 2], "velocity": 1.0, "direction": "-y"}],
+    },
     "chain": {
         "sphere": STEEL,
         "packing": {"rows": 7, "first": "held"},
@@ -116,7 +122,7 @@ SCENES: dict[str, dict[str, Any]] = {
     },
 }
 SCENES["sheet of hexagons"] = {"sphere": STEEL, "packing": {"lattice": "hexagonal", "rows": 7, "columns": 6}, **STRUCK}
-TURNED = ("walls", "sheet with friction", "chain", "spread of radii", "oblique wave", "fcc")
+TURNED = ("walls", "damped walls", "sheet with friction", "chain", "spread of radii", "oblique wave", "fcc")
 # Members of make stability
 MORE = ("walls", "square sheet", "chain of unequal spheres", "jkr honeycomb", "standing wave", "pressed sheet")
 REFUSED_MORE = ("gaps", "a drive", "two ways to move", "rest before", "rolling", "springs", "half a degree")
@@ -124,7 +130,7 @@ REFUSED_MORE = ("gaps", "a drive", "two ways to move", "rest before", "rolling",
 
 def described(deck: Path) -> Described:
     reading = read(deck)
-    return scene_of(reading, known_of(reading, Known())[0], "plain", 0.0)
+    return scene_of(reading, known_of(reading, Known())[0], "plain", np.empty(0))
 
 
 def made(name: str) -> Scene:
@@ -178,6 +184,18 @@ def test_the_scene_of_a_plain_deck_is_the_first_one(name: str, turned: bool, tmp
     assert max(like.normal, like.shear, like.force, like.spheres) < 1e-4
 
 
+def test_the_order_in_which_lammps_holds_spheres_does_not_count(tmp_path: Path) -> None:
+    deck = stripped(made("chain of unequal spheres"), tmp_path)
+    data = deck.with_name("data.plain")
+    before, title, rest = data.read_text().partition("\n\nAtoms # sphere\n\n")
+    lines, *others = rest.split("\n\n")
+    spheres = lines.split("\n")
+    turned = "\n".join(spheres[2:] + spheres[:2])  # a small sphere is the first
+    data.write_text(before + title + "\n\n".join([turned, *others]))
+    deck.write_text(deck.read_text().replace("newton off", "newton off\natom_modify sort 0 0"))
+    assert described(deck).likeness.normal < 1e-4
+
+
 def test_another_scene_is_seen_by_that_comparison() -> None:
     scene = made("chain")
     for key, value in (("sphere.density", 7801.0), ("packing.first", "free"), ("effects.restitution", 0.89)):
@@ -200,7 +218,7 @@ WRONG = {
 def adhesive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Reading, Described]:
     """A deck and its scene."""
     reading = read(stripped(made("adhesive sheet"), tmp_path_factory.mktemp("adhesive")))
-    return reading, scene_of(reading, known_of(reading, Known())[0], "plain", 0.0)
+    return reading, scene_of(reading, known_of(reading, Known())[0], "plain", np.empty(0))
 
 
 @pytest.mark.parametrize("key", members(WRONG, "packing.sides", "inclusion.1.spheres", "time.timestep"))
@@ -268,6 +286,11 @@ NEARLY: dict[str, tuple[str, dict[str, Any], str]] = {
     "two materials": ("square sheet", {"law": "A"}, "contacts of types 1 1 and . 2 have other laws"),
     "springs": ("square sheet", {"law": "hooke 1e5 0.0 tangential linear_history 1e5 0.0 0.5"}, "says hooke"),
     "rolling": ("sheet with friction", {"law": "rolling sds 1.0 0.0 0.5"}, "rolling of a foreign deck is not read"),
+    "a tilted box": (
+        "pressed sheet",
+        {"more": "change_box all triclinic xy final 1e-4"},
+        "the box is tilted, and that",
+    ),
     "a mode of damping": ("square sheet", {"law": "damping tsuji"}, "damping tsuji: a scene has"),
 }
 
@@ -285,6 +308,27 @@ def test_a_crystal_that_is_nearly_one_of_ours_is_refused(name: str, tmp_path: Pa
         _with_law(deck, law(crystal, "si"), own)
     with pytest.raises(GranularError, match=message):
         print(described(deck).scene)
+
+
+# Words of a wall with shear and damping, those of another wall, and what is said of it
+OTHER_WALLS = {
+    "shear law": ("mindlin/force NULL", "mindlin NULL", "a wall has tangential mindlin, and mindlin/force in a scene"),
+    "shear stiffness": ("force NULL", "force 1e11", "a wall has shear_stiffness 100000000000.0, and 3619"),
+    "shear damping": ("NULL 0.5", "NULL 0.25", "a wall has shear_damping 0.25, and 0.5"),
+    "damping": (" 20.0 ", " 10.0 ", "a wall has viscosity 10.0, and 20.0"),
+    "rolling": ("damping velocity", "rolling sds 1.0 0.0 0.5 damping velocity", "'fix .* rolling .*': no key of a"),
+    "limit": ("damping velocity", "damping velocity limit_damping", "'fix .* limit_damping .*': no key of a scene"),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_WALLS)
+def test_a_wall_of_another_law_is_refused(name: str, tmp_path: Path) -> None:
+    usual, own, message = OTHER_WALLS[name]
+    deck = stripped(made("damped walls"), tmp_path)
+    lines = deck.read_text().splitlines(keepends=True)
+    deck.write_text("".join(line.replace(usual, own) if "wall/gran" in line else line for line in lines))
+    with pytest.raises(SceneError, match=message):
+        described(deck)
 
 
 def _with_law(deck: Path, usual: str, own: str) -> None:
@@ -366,13 +410,31 @@ def test_adopt_writes_the_scene_beside_the_run_folder(tmp_path: Path, capsys: py
     assert found.time.timestep == pytest.approx(step, rel=1e-12)
     assert found.time.sample == pytest.approx(5 * step, rel=1e-12)
     assert found.time.duration == pytest.approx(20 * step, rel=1e-12)
+    later = tmp_path / "in.later"
+    later.write_text(f"{deck.read_text()}undump all\ntimestep 1.0\nrun 50\n")
+    assert main(["adopt", str(later), "-o", str(tmp_path / "later")]) == 0
+    assert Scene.load(tmp_path / "later.toml").time.duration == found.time.duration
     assert main(["adopt", str(deck), "-o", str(tmp_path / "other"), "--radius", "0.004"]) == 0
     assert "no scene is sought" in capsys.readouterr().err
     assert not (tmp_path / "other.toml").exists()
+    assert main(["adopt", str(deck), "-o", f"{tmp_path / 'run.1'}/"]) == 0
+    assert Scene.load(tmp_path / "run.1.toml").name == "run_1"
+    capsys.readouterr()
+    deck.write_text(deck.read_text().replace("run 20", "fix drag all viscous 1e-3\nrun 20"))
+    assert main(["adopt", str(deck), "-o", str(tmp_path / "beads"), "--force"]) == 0
+    assert f"says what it does; {tmp_path / 'beads.toml'} is of an earlier deck" in capsys.readouterr().err
     (tmp_path / "third.toml").write_text("mine")
     assert main(["adopt", str(deck), "-o", str(tmp_path / "third")]) == 0
     assert "third.toml: exists already" in capsys.readouterr().err
     assert (tmp_path / "third.toml").read_text() == "mine"
+
+
+def test_a_scene_has_the_nearest_of_uneven_records(adhesive: tuple[Reading, Described]) -> None:
+    reading, plain = adhesive
+    unit, known = plain.scene.scale.time, known_of(reading, Known())[0]
+    found = scene_of(reading, known, "plain", np.array([0.0, 2.0, 3.0, 6.0]) * unit)
+    assert (found.scene.time.sample, found.scene.time.duration) == (pytest.approx(1.0), pytest.approx(6.0))
+    assert [each[:26] for each in found.unsaid] == ["snapshots at uneven times:"]
 
 
 def test_the_deck_of_the_page_is_a_chain_under_load() -> None:

@@ -63,6 +63,14 @@ def test_a_deck_with_other_comments_has_no_edits(small: Scene) -> None:
     ]
 
 
+@pytest.mark.parametrize("comment", ["# the motion &\n", "# the motion & \t\n", '# """\n'])
+def test_a_comment_that_swallows_the_next_line_is_an_edit(comment: str, small: Scene) -> None:
+    deck = build(small)
+    text = deck.input_text.replace("fix          move mobile", f"{comment}fix          move mobile", 1)
+    assert text != deck.input_text
+    assert replace(deck, input_text=text).edits() == [f"+ {comment.rstrip(chr(10))}"]
+
+
 def test_asking_for_the_edits_builds_no_lattice(small: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     deck = build(small)
     monkeypatch.setattr("granular_lmp.lammps.start.initial_fields", None)
