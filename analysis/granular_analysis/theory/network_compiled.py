@@ -22,7 +22,7 @@ from granular_analysis.theory.network_verlet import arrays_of as arrays_of
 from granular_analysis.theory.network_verlet import extremes as extremes
 from granular_analysis.theory.network_verlet import taken as taken
 
-__all__ = ["fastest_march", "march"]
+__all__ = ["march"]
 
 Floats = NDArray[np.float64]
 AT_ONCE = 10_000_000  # steps times pairs of one call, about 0.2 s, after which a run can be interrupted

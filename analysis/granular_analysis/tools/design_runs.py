@@ -5,6 +5,7 @@ table of densities. The same command again continues a search that was stopped. 
 """
 
 import argparse
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,6 @@ from granular_analysis.theory.network_design import Best, Design, Evaluation, im
 from granular_analysis.tools.kept import begun
 from granular_lmp.cli.output import interruptible
 from granular_lmp.runs.folder import locked
-from granular_lmp.runs.seal import scene_digest
 
 SCENE, TABLE, LOG, ASKED = "scene.toml", "spheres.csv", "log.csv", "design.json"
 INTERRUPTED = 130
@@ -74,7 +74,7 @@ def search(chosen: argparse.Namespace) -> int:
         robust = {"same_mass": chosen.same_mass, "spread": chosen.robust, "seeds": chosen.seeds}
         design = Design(subject.run(spheres), goal, groups, low, high, **robust)
         begin = design.begin(chosen.start)
-        digest = scene_digest(scene.to_toml())
+        digest = hashlib.sha256(scene.to_toml().encode()).hexdigest()
         asked = {"scene_sha256": digest, "maximize": chosen.maximize, "within": [low, high], "per": chosen.per}
         with locked(folder, make=True, force=True):
             kept = Kept(folder, asked | robust | {"start": chosen.start, "numbers": len(begin)})

@@ -27,7 +27,6 @@ from granular_analysis.tools.kept import begun
 from granular_lmp.cli.arguments import changes_argument
 from granular_lmp.cli.output import interruptible
 from granular_lmp.runs.folder import locked
-from granular_lmp.runs.seal import scene_digest
 
 if TYPE_CHECKING:  # slow to import, and the last needs JAX
     from matplotlib.axes import Axes
@@ -153,7 +152,7 @@ def digest_of(shots: "Sequence[Shot]") -> str:
     digest = hashlib.sha256()
     for shot in shots:
         run = shot.run
-        digest.update(scene_digest(shot.scene.to_toml()).encode())
+        digest.update(shot.scene.to_toml().encode())
         for part in (run.spheres, [run.step, run.every], shot.measured, shot.errors):
             digest.update(np.asarray(part, dtype="<f8").tobytes())
     return digest.hexdigest()
