@@ -11,7 +11,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = {"granular_lmp": ROOT / "granular_lmp", "granular_analysis": ROOT / "analysis/granular_analysis"}
-COMMANDS = {  # how both programs begin, end, are stopped and read --set, -o and --over, which is no physics
+# How both programs begin, end, are stopped, lock a folder and read --set, -o and --over, which is no physics
+COMMANDS = {
     "granular_lmp.cli.entry",
     "granular_lmp.cli.arguments.changes_argument",
     "granular_lmp.cli.arguments.changes_of",
@@ -22,6 +23,7 @@ COMMANDS = {  # how both programs begin, end, are stopped and read --set, -o and
     "granular_lmp.cli.run_commands.say_how_it_went",
     "granular_lmp.cli.study_commands.sweep_arguments",
     "granular_lmp.cli.study_commands.sweep_of",
+    "granular_lmp.runs.folder.locked",
 }
 # The network in place of LAMMPS's loop: what an engine is given and gives, and the run that takes it. What is given are
 # the spheres of the data file and the scene, as in the first snapshot of a record

@@ -207,11 +207,15 @@ def answer(points: Sequence[Point], scene: Scene) -> Estimate | None:
     return None if found.blind else found
 
 
+def points_of(data: Data, noise: float, seed: int) -> dict[str, list[Point]]:
+    """Return the points of a noisy set by kind of data."""
+    own, error = data.noisy(noise, seed), noise * data.largest
+    return {"traces": own.traces(error), "frequencies": own.frequencies(error, model_of(data.scene))}
+
+
 def fitted(data: Data, noise: float, seed: int) -> dict[str, Estimate | None]:
     """Return the fits of a noisy set by kind of data, which start at the truth."""
-    own, error = data.noisy(noise, seed), noise * data.largest
-    kinds = {"traces": own.traces(error), "frequencies": own.frequencies(error, model_of(data.scene))}
-    return {by: answer(points, data.scene) for by, points in kinds.items()}
+    return {by: answer(points, data.scene) for by, points in points_of(data, noise, seed).items()}
 
 
 def level(noise: float, by: str, answers: Sequence[Estimate | None], truth: Sequence[float]) -> Level:
@@ -246,11 +250,8 @@ def measure(records: Sequence[Record]) -> Found:
 
 def starts(data: Data) -> dict[str, int]:
     """Return how many of `STARTS` end at the minimum that the true modulus leads to, by kind of data."""
-    noise = min(SETS)
-    own, error = data.noisy(noise, 0), noise * data.largest
-    kinds = {"traces": own.traces(error), "frequencies": own.frequencies(error, model_of(data.scene))}
     counts = {}
-    for by, points in kinds.items():
+    for by, points in points_of(data, min(SETS), 0).items():
         begun = [data.scene.with_values({KEYS[0]: float(each * data.scene.sphere.youngs_modulus)}) for each in STARTS]
         best, *others = [answer(points, each) for each in (data.scene, *begun)]
         counts[by] = sum(best is not None and other is not None and same(other, best) for other in others)

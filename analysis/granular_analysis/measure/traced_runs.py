@@ -16,7 +16,6 @@ breaks: where contacts open, close or slide, a trace has a kink and its slope is
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
@@ -25,11 +24,11 @@ from numpy.typing import NDArray
 
 from granular_analysis.measure.points import TRACES, Point
 from granular_analysis.measure.snapshot import FirstSnapshot
-from granular_analysis.measure.stepping import STEPS, NetworkEngine, first_of
+from granular_analysis.measure.stepping import NetworkEngine, first_of
 from granular_analysis.measure.traces import spheres_at
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.loops import library
 from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_compiled import fastest_march
 from granular_analysis.theory.network_state import damping_ratio
 from granular_lmp.runs.record import GranularError, Scene
 
@@ -89,13 +88,18 @@ class TracedRuns:
         return max(int(np.ceil(self._times.max() / self.step - 1e-9)), 1)
 
     @cached_property
+    def _start(self) -> _Begun:
+        """The scene at its start."""
+        return self._begun(self.scene)
+
+    @cached_property
     def _chosen(self) -> tuple[Integers, Integers, Integers]:
         """Spheres that are recorded, and of each point which of them it is of, and its row of the motion.
 
         Raises TheoryError for a sphere that is not there or that a source moves, and for a motion that spheres of the
         scene do not have.
         """
-        network = self._begun(self.scene).first.network
+        network = self._start.first.network
         places = ((f"line {each.line}", each.row, each.column, each.layer) for each in self.points)
         spheres = spheres_at(places, self.scene, network.position)
         moved = [int(n) for each in network.drives if each.moves for n in each.spheres]
@@ -117,12 +121,12 @@ class TracedRuns:
     def _reading(self) -> "_Reading":
         """How the points are read off the motion of the recorded spheres."""
         _, which, row = self._chosen
-        freedoms = len(_ROWS[self._begun(self.scene).first.network.dimension])
+        freedoms = len(_ROWS[self._start.first.network.dimension])
         before = np.minimum((self._times / self.step).astype(np.intp), self.steps - 1)
         x, rate = self._times / self.step - before, row >= freedoms
         values = [2 * x**3 - 3 * x**2 + 1, x**3 - 2 * x**2 + x, 3 * x**2 - 2 * x**3, x**3 - x**2]
         slopes = [6 * x**2 - 6 * x, 3 * x**2 - 4 * x + 1, 6 * x - 6 * x**2, 3 * x**2 - 2 * x]
-        return _Reading(before, which, row % freedoms, row % freedoms + freedoms, np.where(rate, slopes, values), rate)
+        return _Reading(before, which, row % freedoms, np.where(rate, slopes, values), rate)
 
     def _begun(self, scene: Scene) -> _Begun:
         first, _ = first_of(scene)
@@ -134,21 +138,21 @@ class TracedRuns:
     def predicted(self, scene: Scene) -> Floats:
         """Return what the points would be, (N,), by a run in compiled loops, or in NumPy without a C compiler."""
         spheres, begun = self._chosen[0], self._begun(scene)
-        march = import_module(STEPS["C" if library() else "NumPy"]).march
-        run = march(begun.first.network, begun.first.state, begun.step, self.steps, 1)
+        run = fastest_march()(begun.first.network, begun.first.state, begun.step, self.steps, 1)
         motion = np.array([each[:, spheres] for each in run])
         return np.asarray(_read(motion, begun.step, *self._reading) * begun.units)
 
     def _beside(
-        self, at: Callable[[Floats], Scene], values: Floats, change: Floats
+        self, at: Callable[[Floats], Scene], values: Floats, change: Floats, here: _Begun
     ) -> tuple[list[_Begun], Sequence[float]]:
-        """Return scenes at their start at the points of a difference, and its weights.
+        """Return scenes at their start at the points of a difference, and its weights; `here` is that of the values.
 
         Raises TheoryError next to bounds on both sides.
         """
         for stencil in _STENCILS:
             try:
-                return [self._begun(at(values + far * change)) for far in stencil], [*stencil.values()]
+                begun = [self._begun(at(values + far * change)) if far else here for far in stencil]
+                return begun, [*stencil.values()]
             except (GranularError, ValueError) as error:
                 refused = error
         raise TheoryError(str(refused))
@@ -167,7 +171,7 @@ class TracedRuns:
         from granular_analysis.theory import network_gradient
         from granular_analysis.theory.network_factors import Run
 
-        reference = self._begun(self.scene).first.network
+        reference = self._start.first.network
 
         def started(begun: _Begun) -> tuple[Run, dict[str, Any]]:
             """Return a run of the traits of the start, for which it is compiled, and the factor of its dashpots."""
@@ -180,7 +184,7 @@ class TracedRuns:
         run, factors = started(here)
         ways, units = [], []
         for change in np.diag(_APART * np.where(values, np.abs(values), 1.0)):
-            ends, weights = self._beside(at, values, change)
+            ends, weights = self._beside(at, values, change, here)
             runs, losses = zip(*map(started, ends), strict=True)
             if not all(_alike(each, run) for each in runs):
                 raise TheoryError("other spheres may touch, or other effects are on, when a key changes")
@@ -199,7 +203,7 @@ class _Reading(NamedTuple):
     ----------
     before : step before each.
     which : of the recorded spheres each is of.
-    place, speed : rows of its displacement or turn, and of the velocity or spin.
+    place : rows of its displacement or turn; those of the velocity or spin follow as many rows below.
     weights : (4, N) of place and speed before and after it; speeds count as ways in a step.
     rate : whether it is a velocity or spin.
     """
@@ -207,15 +211,13 @@ class _Reading(NamedTuple):
     before: Integers
     which: Integers
     place: Integers
-    speed: Integers
     weights: Floats
     rate: NDArray[np.bool_]
 
 
-def _read(
-    motion: Any, step: Any, before: Integers, which: Integers, place: Any, speed: Any, weights: Any, rate: Any
-) -> Any:
+def _read(motion: Any, step: Any, before: Integers, which: Integers, place: Any, weights: Any, rate: Any) -> Any:
     """Return the points (N,) of motions (steps + 1, 2f, n), of NumPy or of JAX, in units of the deck."""
+    speed = place + motion.shape[1] // 2
     ends = [(before, place), (before, speed), (before + 1, place), (before + 1, speed)]
     here, fast, there, faster = (motion[time, row, which] for time, row in ends)
     found = weights[0] * here + weights[2] * there + step * (weights[1] * fast + weights[3] * faster)

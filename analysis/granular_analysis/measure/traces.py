@@ -19,7 +19,7 @@ from granular_analysis.theory.errors import TheoryError
 from granular_lmp.runs.record import Record, Scene
 from granular_lmp.scene.spreadsheets import TableError
 
-__all__ = ["Traces", "rms"]
+__all__ = ["Traces"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]

@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.theory import network_compiled, network_verlet
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.loops import library
 from granular_analysis.theory.network import Law, Material, Network, Wall
+from granular_analysis.theory.network_compiled import fastest_march
 from granular_analysis.theory.network_laws import Adhesion
 from granular_analysis.theory.network_outside import Drive, Function
 from granular_analysis.theory.network_state import start
@@ -99,7 +98,7 @@ def witness(crystal: Unnamed) -> Witness:
     network = network_of(crystal)
     axes, free = network.dimension, network.mobility[0] > 0
     spin = np.zeros((len(crystal.spheres), 3)) if first.spin is None else first.spin
-    march = network_verlet.march if library() is None else network_compiled.march
+    march = fastest_march()
 
     def run(places: Floats, finer: int) -> Iterator[Floats]:
         """Yield the velocities (N, d) at each snapshot of a witness that starts from these places."""

@@ -7,13 +7,13 @@ When it breaks: it needs a C compiler (`granular_analysis.theory.loops`).
 """
 
 import ctypes
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.theory import loops
+from granular_analysis.theory import loops, network_verlet
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_loop import contacts_of
 from granular_analysis.theory.network_state import State
@@ -90,3 +90,8 @@ def moments(
 def march(network: Network, state: State, step: float, count: int, every: int) -> Iterator[Floats]:
     """Yield the motions (2f, N) as `granular_analysis.theory.network_verlet.march` does."""
     yield from motions(network, step, moments(network, state, step, range(0, count + 1, every)))
+
+
+def fastest_march() -> Callable[[Network, State, float, int, int], Iterator[Floats]]:
+    """Return `march`, or without a C compiler that of `granular_analysis.theory.network_verlet`."""
+    return network_verlet.march if loops.library() is None else march

@@ -27,9 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from granular_analysis.theory import network_compiled, network_verlet
-from granular_analysis.theory.loops import library
 from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_compiled import fastest_march
 from granular_analysis.theory.network_factors import Run
 from granular_analysis.theory.network_state import Pairs, loaded
 
@@ -78,9 +77,8 @@ def kernels(run: Run, name: str, owners: Integers, errors: Floats) -> Iterator[t
 
 def _motions(run: Run, network: Network, motion: Floats) -> Floats:
     """Return the motion of all spheres at each sample, (T + 1, 2f, N)."""
-    by = network_verlet if library() is None else network_compiled
     begun = loaded(network, motion)
-    return np.array([*by.march(network, begun, run.step, run.samples * run.every, run.every)])
+    return np.array([*fastest_march()(network, begun, run.step, run.samples * run.every, run.every)])
 
 
 def _features(run: Run, network: Network, motion: Floats, name: str, owners: Integers) -> Floats:

@@ -9,6 +9,7 @@ and log.csv, a line for each weight. The same command again continues one that w
 """
 
 import argparse
+import csv
 import hashlib
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -26,7 +27,6 @@ from granular_analysis.tools.kept import begun
 from granular_lmp.cli.arguments import changes_argument
 from granular_lmp.cli.output import interruptible
 from granular_lmp.runs.folder import locked
-from granular_lmp.runs.seal import scene_digest
 
 if TYPE_CHECKING:  # slow to import, and the last needs JAX
     from matplotlib.axes import Axes
@@ -127,12 +127,15 @@ def _searched(sought: "Sought", options: argparse.Namespace, folder: Path) -> Im
         for misfit, penalty, gradients in [each["rest"]]
     ]
     rows: list[list[object]] = []
+    log = folder / LOG
+    seen = [*csv.DictReader(log.read_text(encoding="utf-8").splitlines())] if log.is_file() else []
+    kinks = [each["kinks"] for each in seen[: len(kept)]]
     with interruptible() as progress:
 
         def told(trial: Trial) -> None:
-            trouble = sought.trouble(trial.values)
+            trouble = kinks[len(rows)] if len(rows) < len(kinks) else sought.trouble(trial.values)
             rows.append([trial.weight, trial.misfit / sought.points, trial.penalty, trial.gradients, trouble])
-            write_csv(folder / LOG, ["weight", "chi2_a_point", "penalty", "gradients", "kinks"], rows)
+            write_csv(log, ["weight", "chi2_a_point", "penalty", "gradients", "kinks"], rows)
             if len(rows) > len(kept):
                 with path.open("ab") as stream:
                     numbers = [trial.weight], trial.values, [trial.misfit, trial.penalty, trial.gradients]
@@ -149,7 +152,7 @@ def digest_of(shots: "Sequence[Shot]") -> str:
     digest = hashlib.sha256()
     for shot in shots:
         run = shot.run
-        digest.update(scene_digest(shot.scene.to_toml()).encode())
+        digest.update(shot.scene.to_toml().encode())
         for part in (run.spheres, [run.step, run.every], shot.measured, shot.errors):
             digest.update(np.asarray(part, dtype="<f8").tobytes())
     return digest.hexdigest()
