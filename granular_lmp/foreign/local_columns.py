@@ -1,4 +1,4 @@
-"""What the columns of a deck's dumps of contacts hold, by the computes that the deck names in them."""
+"""Meaning of the columns of dumps of contacts, by the computes that the deck names in them."""
 
 import re
 from collections.abc import Sequence

@@ -60,7 +60,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Outside:
-    """What acts on the spheres of a deck beside their contacts, in its units; spheres are told by their ``id``.
+    """Actions on the spheres of a deck beside their contacts, in its units; spheres are named by their ``id``.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ def outside_of(reading: Reading) -> Outside:
 
 
 class _Found:
-    """What the fixes of a run do, collected one after the other; arrays are of the spheres of the reading."""
+    """Actions of the fixes of a run, collected one after the other; arrays have a value for each sphere read."""
 
     def __init__(self, reading: Reading, recorded: Recorded) -> None:
         assert reading.spheres is not None
