@@ -1,4 +1,4 @@
-"""Statements of docs/layers.md on published experiments, with their numbers."""
+"""Statements of analysis/cases/layer/README.md on published experiments, with their numbers."""
 
 import numpy as np
 import pytest
