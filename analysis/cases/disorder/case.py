@@ -358,8 +358,7 @@ def _antiresonance(axes: Axes, found: Found) -> None:
         whole = [whole_strength(each.amplitudes) / perfect for each in waves.values()]
         axes.plot(list(waves), whole, f"{mark}:", markerfacecolor="white", **marks)
     floor = strength(found.perfect(places[0]).amplitudes) / perfect
-    axes.axhline(floor, color="black", linewidth=0.8, linestyle=":")
-    axes.text(0.98, 1.1 * floor, "equal spheres", transform=axes.get_yaxis_transform(), ha="right", va="bottom")
+    axes.axhline(floor, color="black", linewidth=0.8, linestyle=":", label="equal spheres")
     axes.set(yscale="log", xlim=(0, None), xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$")
     axes.set_ylabel("second harmonic /\nresonance of equal spheres")
     axes.legend(loc="upper left")
