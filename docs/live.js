@@ -4,7 +4,7 @@
 
 const INERTIA = 0.4;  // I/(mR²) of a homogeneous sphere
 const DURATION = 120;  // τ of the drawing
-const COLORS = { p: "#d55e00", q: "#0072b2", φ: "#009e73" };
+const COLORS = { p: "var(--live-p)", q: "var(--live-q)", φ: "var(--live-f)" };  // docs/site.css
 
 // ---------------------------------------------------------------- theory
 
@@ -124,6 +124,9 @@ function numbersOf(typed) {
 
 // All that the page shows of what is typed; an Error says what is wrong with it
 function answerOf(typed) {
+  const modes = ["TR", "RT", "L"], geometries = ["paper", "lammps"];
+  if (!modes.includes(typed.mode)) throw Error(`wave = "${typed.mode ?? ""}": must be one of ${modes.join(", ")}`);
+  if (!geometries.includes(typed.geometry)) throw Error(`points of contact = "${typed.geometry ?? ""}": must be one of ${geometries.join(", ")}`);
   const values = numbersOf(typed), sphere = sphereOf(values), lammps = typed.geometry === "lammps";
   if (!(sphere.overlap > 0)) throw Error("work of adhesion and pressing force are both 0: nothing holds the contacts");
   if (sphere.ratio > 0.1) throw Error(`the overlap at rest is ${Math.round(100 * sphere.ratio)} % of a diameter: must be at most 10 %`);
@@ -183,7 +186,7 @@ function signals(mode, ratios, amplitude, names) {
   const all = times.map(tau => motion(mode, ratios, amplitude, tau));
   const limit = 1.08 * (Math.max(...all.flatMap(at => names.map(name => Math.abs(at[name])))) || 1);
   return drawn({
-    x: [0, DURATION], y: [-limit, limit], xLabel: "time τ", yLabel: `${names.join(", ")} in D0`, marks: [],
+    x: [0, DURATION], y: [-limit, limit], xLabel: "time τ", yLabel: `${names.join(", ")} in D₀`, marks: [],
     xTicks: [0, 20, 40, 60, 80, 100, 120].map(v => [v, v]), yTicks: ticks(limit),
     curves: names.map(name => ({ color: COLORS[name], points: all.map((at, i) => [times[i], at[name]]) })),
   });
@@ -209,7 +212,7 @@ function spectrum(ratios, xi) {
 
 function rowsOf({ waves, sphere, a, mode, generated }) {
   const rows = waves.map(({ name, xi, frequency, hertz, length }) =>
-    [name, `ξ = ${xi.toFixed(4)}, Ω = ${frequency.toFixed(4)}`, `${inSI(hertz, "Hz")}, wave length ${inSI(length, "m")}`]);
+    [name, `ξ = ${xi.toFixed(4)}, Ω = ${frequency.toFixed(4)}`, `${inSI(hertz, "Hz")}, wavelength ${inSI(length, "m")}`]);
   const size = Math.abs(generated) < 1e4 ? generated.toPrecision(4) : "±∞";
   return [
     ...rows, ["D₀", `a = ${a}`, inSI(a * sphere.overlap, "m")],
@@ -226,13 +229,16 @@ function start(form) {
 
   function redraw() {
     let found;
+    const shown = ["numbers", "shape", "harmonic", "spectrum"].map(part);
     try {
       found = answerOf(Object.fromEntries(new FormData(form)));
     } catch (wrong) {
       part("wrong").textContent = wrong.message;
+      for (const each of shown) each.style.opacity = 0.2;  // they belong to the values before
       return;
     }
     part("wrong").textContent = "";
+    for (const each of shown) each.style.opacity = 1;
     const { mode, ratios, a } = found;
     for (const slider of sliders) slider.value = found[slider.dataset.of];
     WIDTH = Math.max(300, Math.min(640, part("spectrum").clientWidth));

@@ -94,7 +94,8 @@ def sought() -> dict[str, list[str]]:
 
 def table_of(text: str) -> str:
     """Return a CSV file as a table of Markdown, which a search of the site leaves out."""
-    return "\n".join(['<div data-search-exclude markdown="1">\n', *_table(csv.reader(text.splitlines())), "\n</div>"])
+    rows = _table(csv.reader(text.splitlines()))
+    return "\n".join(['<div class="csv" data-search-exclude markdown="1">\n', *rows, "\n</div>"])
 
 
 def keys_of(text: str) -> str:

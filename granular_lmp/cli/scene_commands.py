@@ -32,7 +32,7 @@ def add_to(commands: Commands) -> None:
     init.add_argument(
         "--from",
         metavar="SCENE",
-        default="tr_nonresonant",
+        default="tr_resonant",
         dest="source",
         help="for FILE: scene to begin with, see granular-lmp list (default: %(default)s)",
     )

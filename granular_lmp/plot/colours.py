@@ -13,6 +13,7 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 
 DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours: four decades, as the front in a sheet decays
+_MOST_IN_COLOUR = 0.99  # share of the spheres at a moment: a sphere that is pushed would pale the front that it sends
 _DARK = 0.6  # share of the colours above which they are too dark for a grey line
 
 Floats = NDArray[np.float64]
@@ -68,6 +69,12 @@ class Colouring:
     label: str
     colours: str = "RdBu_r"
     scale: Literal["symmetric", "positive", "decades"] = "symmetric"
+
+    def end(self, sizes: Floats) -> float:
+        """Return the size at the end of the colours: the largest of decades, else one that few spheres exceed."""
+        if self.scale == "decades":
+            return float(sizes.max())
+        return float(np.quantile(sizes, _MOST_IN_COLOUR, method="higher"))  # the largest of up to 100 spheres
 
     def norm(self, largest: float) -> Normalize:
         """Return what takes values to the colour map, `largest` to its end."""

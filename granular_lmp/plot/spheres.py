@@ -18,6 +18,7 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 
 ROWS = 25  # rows of a wave that are drawn by default: three wavelengths of the paper's first case
+_SEEN = 0.99  # share of the largest value below which the colour bar shows that values lie beyond its ends
 LARGEST_SHIFT = 0.5  # radii: largest D0 as drawn by the default magnification
 FEWEST_DRAWN = 8  # columns, with the copies of a narrow cell
 MOST_WITH_EDGES = 1500  # spheres; with more, edges and diameters would hide the colours
@@ -69,11 +70,12 @@ class SpheresInAxes:
             cmap=colouring.colours, edgecolors=np.where(held, "black", "none" if crowded else "0.3"),
             linewidths=np.where(held, 0.7 if crowded else 1.5, 0.4),
         )  # fmt: skip
-        largest = reach = 0.0
+        end = largest = reach = 0.0
         for moment in moments:
-            largest = max(largest, float(np.max(np.abs(self._values(moment)))))
+            values = np.abs(self._values(moment))
+            end, largest = max(end, colouring.end(values)), max(largest, float(values.max()))
             reach = max(reach, self.stretch * float(np.max(np.abs(moment.displacement[self.drawn]))))
-        self.discs.set_norm(colouring.norm(largest or 1.0))  # no range of zero if all spheres are at rest
+        self.discs.set_norm(colouring.norm(end or largest or 1.0))  # no range of zero if all spheres are at rest
         axes.add_collection(self.discs, autolim=False)
         self.hands = LineCollection([], linewidths=0.6)
         axes.add_collection(self.hands, autolim=False)
@@ -98,7 +100,9 @@ class SpheresInAxes:
         self.narrow = bool(high[0] - low[0] < _NARROW * (high[1] - low[1]))
         figure = axes.get_figure()
         assert figure is not None
-        figure.colorbar(self.discs, ax=axes, label=label_of(colouring, scene), fraction=0.05, pad=0.02)
+        beyond = ("both" if colouring.scale == "symmetric" else "max") if 0 < end < _SEEN * largest else "neither"
+        label = label_of(colouring, scene)
+        figure.colorbar(self.discs, ax=axes, label=label, fraction=0.05, pad=0.02, extend=beyond)
 
     def _values(self, moment: Spheres) -> Floats:
         return np.tile(self.colouring.value(moment, self.scene, self.side)[self.drawn], self.copies)

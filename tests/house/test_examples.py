@@ -33,7 +33,8 @@ def listed(page: str) -> dict[str, Any]:
     return found
 
 
-LISTED = listed((ROOT / "docs/reference/python.md").read_text("utf-8"))
+PAGES = sorted((ROOT / "docs/reference").glob("python*.md"))
+LISTED = listed("\n".join(page.read_text("utf-8") for page in PAGES))
 
 
 def failures(name: str, thing: Any) -> str:

@@ -96,6 +96,8 @@ def test_a_wrong_number_of_the_page_is_seen(name: str, value: str) -> None:
         ({"radius": "0,5"}, 'radius: "0,5" is no number; write one as 0.2 or 2e-1'),
         ({"density": " "}, 'density: "" is no number; write one as 0.2 or 2e-1'),
         ({"nu": "0.6"}, "Poisson's ratio ν = 0.6: must be from -0.99 to 0.5"),
+        ({"mode": "XX"}, 'wave = "XX": must be one of TR, RT, L'),
+        ({"geometry": "true"}, 'points of contact = "true": must be one of paper, lammps'),
         ({"adhesion": "0"}, "work of adhesion and pressing force are both 0: nothing holds the contacts"),
         ({"modulus": "1e-3"}, "the overlap at rest is 44 % of a diameter: must be at most 10 %"),
         (

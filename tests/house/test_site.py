@@ -187,6 +187,16 @@ SORTED = """(table => {
   const sorted = () => { head.click(); return numbers(); };
   return [sorted(), sorted(), head.ariaSort];
 })(shown.querySelector("article table"))"""
+FILTERED = """(field => {
+  const rows = [...shown.querySelectorAll("article .csv tbody tr")];
+  const kept = () => rows.filter(row => !row.hidden).map(row => row.textContent);
+  field.value = "JKR radii";
+  field.dispatchEvent(new Event("input"));
+  const some = kept();
+  field.value = "";
+  field.dispatchEvent(new Event("input"));
+  return [some, kept().length, rows.length];
+})(shown.querySelector("article .filter"))"""
 FORM_FILLED = """(values => {
   const form = shown.getElementById("live");
   for (const name in values) form.elements[name].value = values[name];
@@ -257,6 +267,13 @@ def test_the_head_of_a_long_table_sorts_its_rows(site: Path, server: ThreadingHT
     assert way == "descending"
 
 
+def test_the_field_of_a_long_table_keeps_the_rows_with_all_its_words(site: Path, server: ThreadingHTTPServer) -> None:
+    ((some, after, rows),) = seen(server, site, ["reference/combinations/"], FILTERED)
+    assert 0 < len(some) < 10
+    assert all("jkr" in row and "radii" in row for row in some)
+    assert after == rows > 1000
+
+
 def test_the_form_of_the_live_page_draws_the_closed_form(site: Path, server: ThreadingHTTPServer) -> None:
     moved = FORM_FILLED.replace("VALUES", f"{json.dumps(VALUES)}[seen.length]")
     for values, (curves, shown) in zip(VALUES, seen(server, site, ["live/"] * len(VALUES), moved), strict=True):
@@ -268,8 +285,8 @@ def test_the_live_page_says_what_is_wrong_and_keeps_its_curves(site: Path, serve
     wrong = [*VALUES[:1], VALUES[0] | {"radius": "0,5"}]
     filled = f"[{FORM_FILLED.replace('VALUES', f'{json.dumps(wrong)}[seen.length]')}[0], {WRONG}]"
     right, refused = seen(server, site, ["live/"] * 2, filled)
-    assert right == [4, ""]
-    assert refused == [4, 'radius: "0,5" is no number; write one as 0.2 or 2e-1']
+    assert right == [6, ""]
+    assert refused == [6, 'radius: "0,5" is no number; write one as 0.2 or 2e-1']
 
 
 def test_the_address_of_the_live_page_keeps_its_values(site: Path, server: ThreadingHTTPServer) -> None:

@@ -234,7 +234,7 @@ def _contacts(axes: Axes, found: Found) -> None:
         axes.errorbar(s, z, error, fmt=mark, color=colour, markersize=4, label=rf"$\Delta_0/2R$ = {ratio:.2g}{rubbed}")
     axes.plot(*np.transpose(list(TRIAL.items())), "k+", markersize=8, label="trial, one crystal")
     axes.axhline(4, color="black", linewidth=0.8, linestyle=":")
-    axes.text(0.05, 4.04, "isostatic without friction", transform=axes.get_yaxis_transform())
+    axes.text(0.05, 4.04, "isostatic, no friction", transform=axes.get_yaxis_transform())
     axes.set(
         ylim=(2.9, 6.2),
         xscale="log",
@@ -310,15 +310,14 @@ def _heights(axes: Axes, found: Found) -> None:
         marks: dict[str, Any] = {"color": colour, "markersize": 4}
         s = np.array(list(waves))
         axes.errorbar([0, *s[known]], [1, *value[known]], [0, *error[known]], fmt=f"{mark}-", label=name, **marks)
-        axes.plot(
-            list(waves), whole, f"{mark}:", markerfacecolor="white", **marks, label=f"{name}, with incoherent part"
-        )
+        axes.plot(list(waves), whole, f"{mark}:", markerfacecolor="white", **marks)
         if at := half_height(found, prestress):
             axes.errorbar([at.value], [0.5], xerr=[at.error], fmt="k|", markersize=10)
     axes.axhline(0.5, color="black", linewidth=0.8, linestyle=":")
-    axes.set(xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$", ylabel="second harmonic / that of equal spheres")
+    axes.set(xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$", ylabel="second harmonic /\nthat of equal spheres")
     axes.set(xlim=(0, None), ylim=(0, 1.5))
-    axes.legend()
+    axes.text(0.98, 0.97, "hollow: with\nincoherent part", transform=axes.transAxes, ha="right", va="top")
+    axes.legend(loc="upper left")
 
 
 def _shapes(axes: Axes, found: Found) -> None:
@@ -357,14 +356,12 @@ def _antiresonance(axes: Axes, found: Found) -> None:
         marks: dict[str, Any] = {"color": colour, "markersize": 4}
         axes.errorbar(np.array(list(waves))[seen], value[seen], error[seen], fmt=f"{mark}-", **marks, label=name)
         whole = [whole_strength(each.amplitudes) / perfect for each in waves.values()]
-        axes.plot(
-            list(waves), whole, f"{mark}:", markerfacecolor="white", **marks, label=f"{name}, with incoherent part"
-        )
+        axes.plot(list(waves), whole, f"{mark}:", markerfacecolor="white", **marks)
     floor = strength(found.perfect(places[0]).amplitudes) / perfect
     axes.axhline(floor, color="black", linewidth=0.8, linestyle=":", label="equal spheres")
     axes.set(yscale="log", xlim=(0, None), xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$")
     axes.set_ylabel("second harmonic /\nresonance of equal spheres")
-    axes.legend(loc="lower right", bbox_to_anchor=(1, 0.08), handlelength=1.2)
+    axes.legend(loc="upper left")
 
 
 main = script(__name__, read, table, draw, ("sweeps", "sweeps over disorder.seed"))
