@@ -147,7 +147,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         ),
     ],
     "crystal": [
-        (lambda: Crystal.of(np.eye(2) * 3 * R, np.zeros((1, 2)), R, DENSITY, [SILICA]), "no two spheres touch"),
+        (lambda: Crystal.of(np.eye(2) * 3 * R, np.zeros((1, 2)), R, DENSITY, [SILICA]), "no spheres touch each other"),
         (lambda: triangular(walls=[FLOOR._replace(point=(0, 0, 3 * SUNK - R))]), "not at rest"),
         (lambda: wave(hexagonal(PAPER), [0, 1], 3), "allowed: 0, 1, 2"),
         (lambda: BUCKLING.modes([0, 1]), "unstable"),

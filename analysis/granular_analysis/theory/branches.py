@@ -33,7 +33,7 @@ def branch_named(known: Mapping[str, int], name: str) -> int:
     """Return the index of a named branch from the result of `names_of`; ValueError if the name is unknown there."""
     if name in known:
         return known[name]
-    raise TheoryError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(known)}")
+    raise TheoryError(f"mode = {name!r} is not a branch of this crystal; allowed: {', '.join(known)}")
 
 
 def names_of(crystal: Crystal, wavevector: ArrayLike, shapes: Complexes | None = None) -> dict[str, int]:
