@@ -81,5 +81,5 @@ def _unit(record: Record) -> float:
 def _label(record: Record) -> str:
     scene = record.scene
     struck = record.scale.of_impact and leads(scene.striker, scene.start, scene.sphere.radius)
-    unit = "that of the striker" if struck else in_si(_unit(record), "m/s")
+    unit = "speed of the striker" if struck else in_si(_unit(record), "m/s")
     return f"speed (unit: {unit})"

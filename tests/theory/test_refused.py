@@ -88,7 +88,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: contact(overlap_ratio=0.2), r"overlap_ratio = 0\.2 is outside \[0, 0\.1\]"),
         (lambda: contact(prestress=-1.0), r"prestress = -1\.0 is outside \[0, 1\]"),
         (lambda: contact(viscosity=-0.1), "viscosity = -0.1 must be finite and not negative"),
-        (lambda: contact(law="mindlin"), "law = 'mindlin' is none of"),
+        (lambda: contact(law="mindlin"), "law = 'mindlin': must be one of secant, incremental, potential"),
         (lambda: contact(restitution=1.1, prestress=1.0), r"restitution = 1\.1 is outside"),
         (lambda: contact(restitution=0.9), r"restitution = 0\.9 needs prestress = 1"),
         (lambda: contact(restitution=0.9, prestress=1.0, viscosity=0.1), "a contact has one dashpot"),

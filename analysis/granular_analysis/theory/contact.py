@@ -64,7 +64,7 @@ class Contact:
 
     def __post_init__(self) -> None:
         if self.adhesion_law not in get_args(Adhesion):
-            raise TheoryError(f"adhesion_law = {self.adhesion_law!r} is none of {get_args(Adhesion)}")
+            raise TheoryError(f"adhesion_law = {self.adhesion_law!r}: must be one of {', '.join(get_args(Adhesion))}")
         if self.adhesion_law == "jkr" and not 0.0 <= self.prestress < 1.0:
             raise TheoryError(f"adhesion_law = 'jkr' needs prestress in [0, 1), not {self.prestress}: JKR has adhesion")
         if self.adhesion_law == "jkr" and self.law == "potential":
@@ -73,7 +73,7 @@ class Contact:
             raise TheoryError(f"prestress = {self.prestress} is outside [0, 1]")
         _ = self._ratios  # checks ranges
         if self.law not in LAWS:
-            raise TheoryError(f"law = {self.law!r} is none of {LAWS}")
+            raise TheoryError(f"law = {self.law!r}: must be one of {', '.join(LAWS)}")
         if self.law == "potential" and self.overlap_ratio > 0:
             raise TheoryError(f"law = 'potential' needs overlap_ratio = 0, not {self.overlap_ratio}; slip has history")
         if not 0.0 <= self.viscosity < np.inf:

@@ -15,4 +15,4 @@ def one_of(allowed: Sequence[Name], said: str, what: str) -> Name:
     for name in allowed:
         if name == said:
             return name
-    raise TheoryError(f"{what} = {said!r} is none of {tuple(allowed)}")
+    raise TheoryError(f"{what} = {said!r}: must be one of {', '.join(allowed)}")
