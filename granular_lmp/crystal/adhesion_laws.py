@@ -122,7 +122,7 @@ class AdhesionLaw:
         raise NotImplementedError
 
     def overlap_under(self, force: Numbers) -> Numbers:
-        """Return the overlap of a contact that is pressed with the force f_N ≥ −F."""
+        """Return the overlap of a contact under the force f_N ≥ −F (compression is positive)."""
         raise NotImplementedError
 
     def force(self, overlap: Numbers) -> Numbers:
@@ -130,11 +130,11 @@ class AdhesionLaw:
         raise NotImplementedError
 
     def push(self, overlap: Numbers) -> Numbers:
-        """Return f_N of any overlaps; 0 where spheres do not touch."""
+        """Return f_N at any overlap; 0 where spheres do not touch."""
         raise NotImplementedError
 
     def energy(self, overlap: Numbers) -> Numbers:
-        """Return the energy V, J, of any overlaps; 0 where spheres do not touch."""
+        """Return the energy V, J, at any overlap; 0 where spheres do not touch."""
         raise NotImplementedError
 
     def sliding_force(self, overlap: Numbers) -> Numbers:
@@ -198,7 +198,7 @@ class Dmt(AdhesionLaw):
     pull_off_overlap = 0.0  # m: the contact parts where it ends
 
     def overlap_under(self, force: Numbers) -> Numbers:
-        """Return the overlap ((F + f_N)/A)^{2/3} of a contact that is pressed with the force f_N ≥ −F."""
+        """Return the overlap ((F + f_N)/A)^{2/3} of a contact under the force f_N ≥ −F (compression is positive)."""
         return ((self.pull_off_force + force) / self.normal_coefficient) ** (2 / 3)
 
     def force(self, overlap: Numbers) -> Numbers:
@@ -206,7 +206,7 @@ class Dmt(AdhesionLaw):
         return self.normal_coefficient * overlap**1.5 - self.pull_off_force
 
     def push(self, overlap: Numbers) -> Numbers:
-        """Return f_N of any overlaps; 0 where spheres do not touch."""
+        """Return f_N at any overlap; 0 where spheres do not touch."""
         # In place, because the many steps of a relaxation spend most time here
         inside = np.maximum(overlap, 0.0)
         push = np.sqrt(inside)
@@ -216,7 +216,7 @@ class Dmt(AdhesionLaw):
         return push
 
     def energy(self, overlap: Numbers) -> Numbers:
-        """Return V = (2/5) A δ^{5/2} − F δ, J, of any overlaps; 0 where spheres do not touch."""
+        """Return V = (2/5) A δ^{5/2} − F δ, J, at any overlap; 0 where spheres do not touch."""
         inside = np.maximum(overlap, 0.0)
         return (0.4 * (self.normal_coefficient * (np.sqrt(inside) * inside)) - self.pull_off_force) * inside
 
@@ -270,7 +270,7 @@ class Jkr(AdhesionLaw):
         return self._overlap(0.5)
 
     def overlap_under(self, force: Numbers) -> Numbers:
-        """Return the overlap of a contact that is pressed with the force f_N ≥ −F."""
+        """Return the overlap of a contact under the force f_N ≥ −F (compression is positive)."""
         return self._overlap((1 + np.sqrt(1 + force / self.pull_off_force)) / 2)
 
     def force(self, overlap: Numbers) -> Numbers:
@@ -279,7 +279,7 @@ class Jkr(AdhesionLaw):
         return 4 * self.pull_off_force * (y * y - y)
 
     def push(self, overlap: Numbers) -> Numbers:
-        """Return f_N of any overlaps; 0 where spheres do not touch."""
+        """Return f_N at any overlap; 0 where spheres do not touch."""
         y = self._y(self.nearest(overlap))
         return self.closed(overlap) * 4 * self.pull_off_force * (y * y - y)
 
