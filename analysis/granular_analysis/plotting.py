@@ -1,4 +1,4 @@
-"""Shared parts of the scripts: colours, options, and the writing of figures and text files."""
+"""Shared parts of the scripts: colours, options, and writing of figures and text files."""
 
 import argparse
 import csv
@@ -20,9 +20,9 @@ COLOURS = {"L": "black", "TR": "C0", "RT": "C3"}
 
 
 def page(height: float) -> "Figure":
-    """Return a figure that is as wide as a page, 6.3 inches.
+    """Return a figure of a height in inches that is as wide as a page, 6.3 inches.
 
-    The commands draw with ``granular_lmp/plot/matplotlibrc``, whose letters have at least 8 points.
+    The commands draw with ``granular_lmp/plot/matplotlibrc``, in which all text has at least 8 points.
     """
     from matplotlib.figure import Figure
 
@@ -30,20 +30,20 @@ def page(height: float) -> "Figure":
 
 
 def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
-    """Return a parser with the first line of the docstring of a script, and the option -o with its default."""
+    """Return a parser described by the first line of a script's docstring, with the option -o and its default."""
     result = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
     result.add_argument("-o", "--output", default=default, metavar="FILE", help=f"PNG, PDF or SVG (default: {default})")
     return result
 
 
 def scene_of(source: str, options: argparse.Namespace) -> Scene:
-    """Return the scene in a file, or a shipped one, with the changes by ``--set``."""
+    """Return the scene from a file or the shipped scene of a name, with the changes by ``--set``."""
     return Scene.load(source, changes_of(options))
 
 
 @contextmanager
 def in_one_line(what: str = "") -> Iterator[None]:
-    """Turn an error of bad input into SystemExit with one line; `what` comes first if the error does not name it."""
+    """Turn errors from bad input into SystemExit with one line, which starts with `what` for a plain ValueError."""
     try:
         yield
     except GranularError as error:

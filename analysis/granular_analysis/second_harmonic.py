@@ -18,9 +18,9 @@ To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n
 
 where the paper prints α/6 for α/8 and β/(3√3) for β/(4√3) in the first line.
 
-Contacts are those of the paper, in its geometry or that of LAMMPS (`ratios`). For any other law, lattice or direction,
-for compression, and for spheres that do not turn, use `granular_analysis.theory.second_order`; this module is a test of
-it.
+The contacts have the laws of the paper, in the geometry of the paper or of LAMMPS (`ratios`). For any other law,
+lattice or direction, for compression, and for spheres that do not turn, use `granular_analysis.theory.second_order`,
+which this module tests.
 """
 
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ ALONG_Y = 90.0  # degrees from a close-packed row
 class Ratios:
     """Dimensionless constants of the lattice, from κ = g1/k1, Ĩ = I/(mR²) and η = Δ0/2R.
 
-    longitudinal multiplies ε where the L mode acts on itself; it is 1 in the geometry of the paper, where η is 0.
+    longitudinal multiplies ε where the L mode acts on itself; it is 1 in the geometry of the paper, where η = 0.
     """
 
     kappa: float
@@ -70,10 +70,15 @@ class Ratios:
 
 
 def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: float = 0.0) -> Ratios:
-    """Constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν), by `of_stiffness`.
+    """Return the constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν), by `of_stiffness`.
 
-    ν is in [−1, 0.5], inertia I/(mR²) > 0, and overlap_ratio in [0, 0.1]: 0 in the paper's geometry, 2.5e-4 of its
-    silica spheres. Raises ValueError for values outside these ranges.
+    Parameters
+    ----------
+    poisson_ratio : ν in [−1, 0.5]
+    inertia : I/(mR²) > 0
+    overlap_ratio : η in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 the true geometry of its silica spheres
+
+    Raises ValueError for values outside these ranges.
 
     Examples
     --------
@@ -87,7 +92,7 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
 
 
 def of_stiffness(kappa: float, inertia: float = SOLID_SPHERE, overlap_ratio: float = 0.0) -> Ratios:
-    """Constants of the lattice for a ratio κ = g1/k1 > 0 of stiffnesses, of a material or as measured.
+    """Return the constants of the lattice for a ratio κ = g1/k1 > 0 of stiffnesses, from a material or measured.
 
         μ1 = (3κ+1)/(κ+3),  μ2 = κ/(κ+3),  α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),  γ = (2κ+1)/(2κ+3)
 
@@ -96,7 +101,8 @@ def of_stiffness(kappa: float, inertia: float = SOLID_SPHERE, overlap_ratio: flo
         Ĩ → Ĩ/(1−η),  α → α + 2h(1−5κ)/(2κ+3),  β → β(1−6h),  ε of the L mode → ε[1 − 6h(1−κ)/(2κ+3)]
 
     These are exact in η: to second order in the displacements the geometry enters only through 1/(2R−Δ0). No second
-    harmonic depends on γ. Definitions below Eq. 10, right as printed; geometry is not in the paper.
+    harmonic depends on γ. The definitions stand below Eq. 10 and are right as printed; the geometry is not in the
+    paper.
 
     Raises ValueError for values outside the ranges of `ratios`.
     """
@@ -120,7 +126,7 @@ def of_stiffness(kappa: float, inertia: float = SOLID_SPHERE, overlap_ratio: flo
 
 
 def nonlinearity(ratios: Ratios, amplitude: float) -> float:
-    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)) of the amplitude a = D0/Δ0; the paper prints 3/2 for √3.
+    """Return ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)) at the amplitude a = D0/Δ0; the paper prints 3/2 for √3.
 
     Examples
     --------
@@ -135,8 +141,9 @@ def nonlinearity(ratios: Ratios, amplitude: float) -> float:
 class Mode:
     """Plane wave of the linear lattice: p = P cos ϑ, q = Q cos ϑ, φ = −f sin ϑ, with ϑ = ξn − Ωτ + phase.
 
-    L has p=1, q=f=0. TR (lower) and RT (upper) have p=0, q=Q>0 and Q²+f²=1; in the paper's notation Q̃=Q, Φ̃=if, whose
-    "sum of squares" must be that of moduli. Other directions than y are those of `granular_analysis.theory.bloch.mode`.
+    L has p=1, q=f=0. TR (lower) and RT (upper) have p=0, q=Q>0 and Q²+f²=1. In the paper's notation Q̃=Q and Φ̃=if, so
+    the "sum of squares" of the paper must be the sum of squared moduli. `granular_analysis.theory.bloch.mode` makes
+    modes in other directions than y.
 
     Examples
     --------
@@ -161,10 +168,12 @@ class Mode:
 
 
 def dispersion(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> Floats:
-    """Frequency Ω(ξ) of a mode at wavenumbers (...), rad per row in (0, π]; ValueError for others, and another name.
+    """Return the frequency Ω(ξ) of a mode, in rad per τ, at wavenumbers (...) in (0, π], in rad per row.
 
     L:       Ω = sin(ξ/2)                                     Eq. 11, right as printed
     TR, RT:  (b − ĨΩ²)(A − Ω²) = c0², lower and upper root    Eq. 12, right as printed
+
+    Raises ValueError for a wavenumber out of range, and for another name than "L", "TR" or "RT".
 
     Examples
     --------
@@ -176,12 +185,12 @@ def dispersion(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> Floats
 
 
 def mode(name: ModeName, wavenumber: float, ratios: Ratios) -> Mode:
-    """One plane-wave mode at wavenumber ξ, frequency and real amplitudes; raises what `dispersion` raises.
+    """Return a plane-wave mode at wavenumber ξ, with its frequency and real amplitudes.
 
-        f/Q = (A − Ω²)/c0 = c0/(b − ĨΩ²)        Eq. 28, which has Ω² in place of 2Ω²
+        f/Q = (A − Ω²)/c0 = c0/(b − ĨΩ²)        Eq. 28, in which Ω² stands in place of 2Ω²
 
-    At ξ=π the limit ξ→π⁻ is returned: of TR and RT one has f=0, the other Q=0⁺ (rounding leaves ~1e-16) and |f|=1, f>0
-    if it is the lower root and f<0 if it is the upper.
+    At ξ=π the limit ξ→π⁻ is returned: one of TR and RT has f=0, the other has Q=0⁺ (rounding leaves ~1e-16) and |f|=1,
+    with f>0 if it is the lower root (TR) and f<0 if it is the upper (RT). Raises the errors of `dispersion`.
 
     Examples
     --------
@@ -194,7 +203,7 @@ def mode(name: ModeName, wavenumber: float, ratios: Ratios) -> Mode:
 
 
 def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Floats, Floats, Floats]:
-    """Ω, Q, f of a mode, free of cancellation: with 2d = b − ĨA and r² = d² + Ĩc0² the roots have b − ĨΩ² = d ± r."""
+    """Return Ω, Q, f of a mode without cancellation: b − ĨΩ² = d ± r at the roots, 2d = b − ĨA, r² = d² + Ĩc0²."""
     xi = np.asarray(wavenumbers, dtype=float)
     if not np.all((xi > 0) & (xi <= np.pi)):
         raise ValueError(f"wavenumber = {wavenumbers!r} is outside (0, pi]")
@@ -211,7 +220,7 @@ def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Flo
         squared = (half_trace + r) / inertia
         q, f = np.where(d >= 0, inertia * c0, r - d), -np.where(d >= 0, d + r, c0)
     else:
-        # Product of the roots over the upper one; Ab − c0² with its factor s² taken out, which a difference would lose.
+        # Product of the roots over the upper root. The factor s² is taken out of Ab − c0² against cancellation.
         determinant = 2 * mu2 * s**2 * (mu1 * (2 + c) - 3 * mu2 * (1 + c))
         squared = determinant / (half_trace + r)
         q, f = np.where(d >= 0, d + r, inertia * c0), np.where(d >= 0, c0, r - d)
@@ -220,7 +229,7 @@ def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Flo
 
 
 def source(mode: Mode, ratios: Ratios) -> float:
-    """Strength g of the drive in P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] in Eq. 8.
+    """Return the strength g of the drive in P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] in Eq. 8.
 
     TR, RT: g = Q[α sin²(ξ/2) Q − (β/√3) sin ξ f];  L: g = −sin²(ξ/2), times `Ratios.longitudinal`.
     """
@@ -238,18 +247,18 @@ def refuse_oblique(mode: Mode) -> None:
 
 
 def doubled_frequency(mode: Mode) -> float:
-    """w̃ = Ω_L(2ξ) = sin ξ, the frequency of the free waves at twice the wavenumber, in rad per unit of τ."""
-    refuse_oblique(mode)  # checked here, since every closed form of a second harmonic calls this function
+    """Return w̃ = Ω_L(2ξ) = sin ξ, the frequency of the free waves at twice the wavenumber, in rad per τ."""
+    refuse_oblique(mode)  # here, because every closed form of a second harmonic calls this function
     return float(np.sin(mode.wavenumber))
 
 
 def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
-    """Amplitude P̃1/i of the generated wave per ε, with prefactor 1 (complex fields); real fields take half of it.
+    """Return the amplitude P̃1/i of the generated wave per ε, with prefactor 1 (complex fields); real fields have half.
 
-        TR, RT:  P̃1/i = sin ξ g/(w̃² − 4Ω²)      Eq. 26, which has 4/3 in place of 1
+        TR, RT:  P̃1/i = sin ξ g/(w̃² − 4Ω²)      Eq. 26, in which 4/3 stands in place of 1
         L:       P̃1/i = ½ cot(ξ/2)                (times `Ratios.longitudinal`)
 
-    with g of `source` and w̃ = sin ξ = Ω_L(2ξ). Where the denominator rounds to 0 it is ±inf, never nan.
+    with g from `source` and w̃ = sin ξ = Ω_L(2ξ). The result is ±inf, never nan, if the denominator rounds to 0.
 
     Examples
     --------
@@ -259,7 +268,7 @@ def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
     0.00195
     """
     w = doubled_frequency(mode)
-    if mode.name == "L":  # w̃² − 4Ω² = −4 sin⁴(ξ/2), which a difference loses at small ξ
+    if mode.name == "L":  # w̃² − 4Ω² = −4 sin⁴(ξ/2) cancels at small ξ
         return float(ratios.longitudinal / np.tan(mode.wavenumber / 2) / 2)
     strength = float(w * source(mode, ratios))
     denominator = float((w - 2 * mode.frequency) * (w + 2 * mode.frequency))
@@ -269,13 +278,16 @@ def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
 def second_harmonic_terms(
     mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike, row: float = 0, phase: float = 0.0
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the second harmonic's waves, real fields: generated, free forward, free backward, shaped like tau.
+    """Return the three waves of the second harmonic, real fields (...) in D0: generated, free forward, free backward.
 
         p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = Ω_L(2ξ)           Eq. 25
         P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               Eqs. 30, 31, right as printed
 
-    (with phase, 2ξn + 2·phase for 2ξn), without what a start at η > 0 adds. Breaks on resonance: generated and forward
-    wave are infinite with a finite sum, which `second_harmonic` gives. Arguments as there.
+    A phase replaces 2ξn by 2ξn + 2·phase. The term that a start at η > 0 adds is left out. Arguments are those of
+    `second_harmonic`.
+
+    When it breaks: on resonance the generated and the forward wave are infinite; their sum is finite, and
+    `second_harmonic` returns it.
 
     Examples
     --------
@@ -296,23 +308,33 @@ def second_harmonic_terms(
 def second_harmonic(
     mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike, row: float = 0, phase: float = 0.0
 ) -> Floats:
-    """Second-harmonic displacement p_SH(τ) in units of D0, the sum of `second_harmonic_terms`, regular on resonance.
+    """Return the second harmonic p_SH(τ) (...) in D0, the sum of `second_harmonic_terms`, regular on resonance.
 
         p_SH = (εg/4) Re e^{2i(ξn+phase)} [e^{iw̃τ} E(−w̃−2Ω) − e^{−iw̃τ} E(w̃−2Ω)],   E(x) = ∫₀^τ e^{ixt} dt
 
-    with the drive g of `source`; the second term grows as τ when w̃ = 2Ω. With η > 0, h = η/(1−η), it has in addition
+    with the drive g from `source`; the second term grows as τ if w̃ = 2Ω. For η > 0, with h = η/(1−η), the second
+    harmonic also contains
 
         a μ2 h(√3/4) sin²(ξ/2)(Q² − P²) sin ξ sin 2(ξn+phase) (1 − cos w̃τ)/w̃²
 
-    since the shear springs are loaded in one step along the tangents of the displaced lattice (the rule of LAMMPS), not
-    along the path there: the difference stays in the contacts as a static force at 2ξ.
+    because the start loads the shear springs in one step along the tangents of the displaced lattice (the rule of
+    LAMMPS) instead of along a path to it: the difference stays in the contacts as a static force at 2ξ.
 
-    mode and ratios are the fundamental and the constants it was made with, amplitude is a = D0/Δ0, tau any times, row n
-    counts from the row where ϑ = −Ωτ + phase.
+    Parameters
+    ----------
+    mode : fundamental along y
+    ratios : constants with which the mode was made
+    amplitude : a = D0/Δ0
+    tau : any times (...)
+    row : n, counted from the row where ϑ = −Ωτ + phase
+    phase : rad
 
-    Breaks when p_SH is no longer small (near the resonance for τ ≳ 1/|ε|) and where g ≈ 0 (the antiresonance): there p
-    is of order a⁴. Away from both, the relative error of p, q and φ falls as a². Source: Eqs. 22 and 35 with the
-    initial conditions 17 and 18, solved by Duhamel's integral.
+    Raises ValueError for a mode in another direction than y.
+
+    When it breaks: once p_SH is no longer small (near the resonance for τ ≳ 1/|ε|), and where g ≈ 0 (the
+    antiresonance), because p is of order a⁴ there. Away from both, the relative error of p, q and φ falls as a².
+
+    Source: Eqs. 22 and 35 with the initial conditions 17 and 18, solved by Duhamel's integral.
 
     Examples
     --------
@@ -334,17 +356,17 @@ def second_harmonic(
 
 
 def _phase_integral(x: float, tau: Floats) -> NDArray[np.complex128]:
-    """E(x) = ∫₀^τ e^{ixt} dt = τ e^{ixτ/2} sin(xτ/2)/(xτ/2), which is τ at x=0."""
+    """Return E(x) = ∫₀^τ e^{ixt} dt = τ e^{ixτ/2} sin(xτ/2)/(xτ/2), which is τ at x=0."""
     return tau * np.exp(0.5j * x * tau) * np.sinc(x * tau / (2 * np.pi))
 
 
 def second_order(
     mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike, row: float = 0, phase: float = 0.0
 ) -> tuple[Floats, Floats, Floats]:
-    """Displacements p, q, φ in units of D0 to second order: the mode, and `second_harmonic` in p. Arguments as there.
+    """Return the displacements p, q, φ (...) in D0 to second order: the mode, plus `second_harmonic` in p.
 
-    q and φ have no second-order term, because by symmetry they contain only odd harmonics. The simulated signals of the
-    paper at the resonance show the third harmonic.
+    Arguments and limits are those of `second_harmonic`. q and φ have no second-order term, because by symmetry they
+    contain only odd harmonics: the simulated q and φ of the paper at the resonance show the third harmonic.
 
     Examples
     --------
@@ -361,9 +383,9 @@ def second_order(
 
 
 def resonance(ratios: Ratios) -> float:
-    """Wavenumber where the TR mode's second harmonic is a free L wave, 2Ω_TR(ξ) = sin ξ, in the first zone for any ν.
+    """Return ξ where the second harmonic of TR is a free L wave, 2Ω_TR(ξ) = sin ξ; it is in the first zone for any ν.
 
-    Put Ω² = (1−C²)/4, C = cos ξ, into Eq. 12 and divide by 1−C: what remains is a cubic in C,
+    With Ω² = (1−C²)/4 and C = cos ξ, Eq. 12 divided by 1−C is a cubic equation in C,
 
         [2μ2(2+C) − Ĩ(1−C²)/4][μ1 − (1+C)/2]/2 = 3μ2²(1+C).
 
@@ -384,13 +406,11 @@ def resonance(ratios: Ratios) -> float:
 
 
 def antiresonance(ratios: Ratios) -> float | None:
-    """Wavenumber in (0, π) where TR generates no p at order ε: Ω = sin(ξ/2)√(μ1 − 3μ2 α/β) (Eq. 29).
+    """Return ξ in (0, π) where TR generates no p at order ε: Ω = sin(ξ/2)√(μ1 − 3μ2 α/β) (Eq. 29); None if no ξ does.
 
     In Eq. 12, with ρ = α/β, λ = μ1 − 3μ2ρ and C = cos ξ, a factor 1−C cancels and the rest is linear in C:
 
         C = [2μ2(1−2ρ) + Ĩλρ/2]/[2μ2(ρ−1) + Ĩλρ/2]
-
-    None if TR has no such wavenumber.
 
     Examples
     --------
@@ -401,7 +421,7 @@ def antiresonance(ratios: Ratios) -> float | None:
     rate = ratios.mu1 - 3 * mu2 * rho
     inertial = ratios.inertia * rate * rho / 2
     numerator, denominator = 2 * mu2 * (1 - 2 * rho) + inertial, 2 * mu2 * (rho - 1) + inertial
-    # ρ > 0 is f > 0 at the crossing, which is TR; a crossing with f < 0 is on RT.
+    # At the crossing ρ > 0 means f > 0, which is TR; a crossing with f < 0 is on RT.
     if rate <= 0 or rho <= 0 or abs(numerator) >= abs(denominator):
         return None
     return float(np.arccos(numerator / denominator))

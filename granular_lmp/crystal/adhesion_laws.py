@@ -1,7 +1,7 @@
-"""Laws of the contact of two adhesive spheres: DMT, whose attraction ends with contact, and JKR, whose acts beyond it.
+"""Contact laws of adhesive spheres: DMT, whose attraction ends at zero overlap, and JKR, which acts beyond it.
 
 With E* and G* the effective moduli, Rc the effective radius, w the work of adhesion, δ the overlap and a the radius of
-the contact, both push with the force f_N and resist a slip ξ with f_S = 8 G* a ξ (Mindlin 1949),
+the contact, contacts of both laws push with the force f_N and resist a slip ξ with f_S = 8 G* a ξ (Mindlin 1949),
 
     DMT    f_N = A δ^{3/2} − F,  a² = Rc δ,  F = 2π w Rc       (Derjaguin, Muller & Toporov, J. Colloid Interface Sci.
                                                                53, 314 (1975); A = (4/3) E* √Rc)
@@ -9,23 +9,24 @@ the contact, both push with the force f_N and resist a slip ξ with f_S = 8 G* a
                                                                (Johnson, Kendall & Roberts, Proc. R. Soc. A 324, 301
                                                                (1971))
 
-F is the pull that parts two spheres. A JKR contact that nothing presses has the radius a0, a0³ = 9π w Rc²/(2E*). In
-y = (a/a0)^{3/2} the law is that of Hertz, times numbers:
+F is the pull that parts two spheres. An unloaded JKR contact has the radius a0, a0³ = 9π w Rc²/(2E*). In terms of
+y = (a/a0)^{3/2} the JKR law is Hertz's law with numerical factors:
 
     f_N = (4E*a³/3Rc)(1 − 1/y),   δ = (a²/Rc)(1 − 2/3y),   ∂f_N/∂δ = 2E*a (6y−3)/(6y−1),   y = (1 + √(1 + f_N/F))/2
 
-Pulled by F it has y = 1/2 and the overlap δ = −½ 2^{-1/3} δ0 with δ0 = a0²/(3Rc): it parts beyond, as LAMMPS's ``jkr``
-does. (Held by a stiff device it would hang on to y = 1/6, which neither LAMMPS nor this module has.) Spheres that come
-together touch at δ = 0 only, where the contact snaps in. A law thus says where its contact ends, `pull_off_overlap`;
-both begin at 0.
+Under the pull F a JKR contact has y = 1/2 and the overlap δ = −½ 2^{-1/3} δ0 with δ0 = a0²/(3Rc). Beyond this overlap
+it parts, as in LAMMPS's ``jkr``. (In a stiff device it would last until y = 1/6, which neither LAMMPS nor this module
+includes.) Approaching spheres touch only at δ = 0, where the contact snaps in. Contacts of both laws thus begin at 0,
+and each law defines where its contact ends, `pull_off_overlap`.
 
-A law is one class below, and `ADHESION_LAWS` lists it: all else in this package asks the class, so that a new law
-touches this file only. Its last methods are words of LAMMPS. A JKR contact holds beyond an overlap of 0, where
-LAMMPS's ``contact/atom`` and the cutoff ``radius`` of its local computes do not know it; with the cutoff ``type`` they
-list every pair up to the largest pull-off distance, with forces and components ``p`` of 0 where LAMMPS has no contact.
+Each law is one class below and is listed in `ADHESION_LAWS`. The rest of the package asks the class, so a new law
+changes only this file. The last methods of a class return expressions for a LAMMPS deck. A JKR contact lasts beyond an
+overlap of 0, where LAMMPS's ``contact/atom`` and the cutoff ``radius`` of its local computes miss it. With the cutoff
+``type`` local computes list every pair up to the largest pull-off distance; pairs without contact in LAMMPS have forces
+and components ``p`` of 0.
 
-Everything follows from the coefficients A = (4/3) E* √Rc, B = 8 G* √Rc and F: a JKR contact that nothing presses has
-δ0 = (4F/A)^{2/3}/3 and a0 = √(3Rc δ0). A law can therefore be had in any consistent units, `scaled`.
+The coefficients A = (4/3) E* √Rc, B = 8 G* √Rc and F determine the law: an unloaded JKR contact has
+δ0 = (4F/A)^{2/3}/3 and a0 = √(3Rc δ0). `scaled` therefore returns a law in any consistent units.
 
 https://docs.lammps.org/pair_granular.html
 """
@@ -43,7 +44,7 @@ Numbers = Any  # a number, or an array with one for each contact
 
 @dataclass(frozen=True, eq=False)
 class AdhesionLaw:
-    """Law of the contact of two spheres, or of C pairs of spheres with (C,) arrays.
+    """Contact law of a pair of spheres, or of C pairs with arrays (C,).
 
     Forces are in N, overlaps δ in m, stiffnesses in N/m.
 
@@ -53,13 +54,13 @@ class AdhesionLaw:
     shear_coefficient : B = 8 G* √Rc of Mindlin's law for Hertz's contact radius, N/m^{3/2}.
     pull_off_force : F that parts the spheres, N.
     pull : F/(π w Rc).
-    closing_work : work of adhesion from first touch to the overlap Δ0 of a contact that nothing presses, over F Δ0.
+    closing_work : work of adhesion from first touch to the overlap Δ0 of an unloaded contact, over F Δ0.
     beyond : True if adhesion acts beyond an overlap of 0; such a law needs w > 0.
-    said : what a scene says of the law beside its name.
+    said : description of the law in the comments of a scene.
     cutoff : cutoff with which LAMMPS's local computes list all contacts.
-    late : the kernel's name of the law whose contacts end at the largest distance, not at the largest pull; "" if both
-        are one. LAMMPS knows no such law.
-    later : where such contacts end over where the others end.
+    late : the kernel's name for the variant of the law whose contacts end at the largest distance instead of the
+        largest pull; "" if both are equal. LAMMPS has no such variant.
+    later : distance at which contacts of this variant end, over the distance at which contacts of the law end.
     """
 
     normal_coefficient: Numbers
@@ -99,29 +100,29 @@ class AdhesionLaw:
 
     @property
     def arrays(self) -> list[Numbers]:
-        """Parameters that differ by contact, (C,) each."""
+        """Parameters that differ between contacts, (C,) each."""
         return [value for each in fields(self) if np.ndim(value := getattr(self, each.name))]
 
     def of(self, which: Any) -> Self:
-        """Return the law of some of the contacts, given by a slice or by indices."""
+        """Return the law of some contacts, selected by a slice or by indices."""
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         return replace(self, **{name: value[which] if np.ndim(value) else value for name, value in values.items()})
 
     def closed(self, overlap: Numbers) -> Any:
-        """Return whether spheres that have touched still do, at any overlap."""
+        """Return whether spheres that have touched are still in contact at these overlaps."""
         return overlap > self.pull_off_overlap
 
     def nearest(self, overlap: Numbers) -> Numbers:
-        """Return overlaps that are not below that at which the contact parts."""
+        """Return the overlaps, with values below `pull_off_overlap` replaced by it."""
         return np.maximum(overlap, self.pull_off_overlap)
 
     @property
     def pull_off_overlap(self) -> Numbers:
-        """Overlap at which that pull parts the spheres, m."""
+        """Overlap at which the pull F parts the spheres, m."""
         raise NotImplementedError
 
     def overlap_under(self, force: Numbers) -> Numbers:
-        """Return the overlap of a contact that is pressed with the force f_N ≥ −F."""
+        """Return the overlap of a contact under the force f_N ≥ −F (compression is positive)."""
         raise NotImplementedError
 
     def force(self, overlap: Numbers) -> Numbers:
@@ -129,11 +130,11 @@ class AdhesionLaw:
         raise NotImplementedError
 
     def push(self, overlap: Numbers) -> Numbers:
-        """Return f_N of any overlaps; 0 where spheres do not touch."""
+        """Return f_N at any overlap; 0 where spheres do not touch."""
         raise NotImplementedError
 
     def energy(self, overlap: Numbers) -> Numbers:
-        """Return the energy V, J, of any overlaps; 0 where spheres do not touch."""
+        """Return the energy V, J, at any overlap; 0 where spheres do not touch."""
         raise NotImplementedError
 
     def sliding_force(self, overlap: Numbers) -> Numbers:
@@ -149,7 +150,7 @@ class AdhesionLaw:
         raise NotImplementedError
 
     def excess(self, overlap: Numbers) -> Numbers:
-        """Return ∂f_S/∂ξ : ∂f_N/∂δ over 4G*/E*, Mindlin's ratio."""
+        """Return the ratio ∂f_S/∂ξ : ∂f_N/∂δ in units of Mindlin's ratio 4G*/E*."""
         raise NotImplementedError
 
     def softening(self, overlap: Numbers) -> tuple[Numbers, Numbers]:
@@ -157,37 +158,47 @@ class AdhesionLaw:
         raise NotImplementedError
 
     def above_pull_off(self, x: str, load: float, holding: float) -> str:
-        """Return f_N + F, or a lower bound of it, at the overlap x, over that under the load (N), in LAMMPS's words.
+        """Return LAMMPS's expression for f_N + F, or for a lower bound of f_N + F, at an overlap.
 
-        `holding` is F and the load in units of the deck, which are those of the force too.
+        Parameters
+        ----------
+        x : expression for the overlap, over the overlap under the load
+        load : N
+        holding : F plus the load, in units of the deck, which the result also has
         """
         raise NotImplementedError
 
     def overlap_of_share(self, u: str, load: float) -> str:
-        """Return the overlap at which f_N + F is the share u of that under the load (N), over that then, in words."""
+        """Return LAMMPS's expression for the overlap at which f_N + F is the share u of its value under the load (N).
+
+        The overlap is in units of the overlap under the load.
+        """
         raise NotImplementedError
 
     def hertz_force(self, force: str, pull: str) -> str:
-        """Return the force without adhesion whose overlap is that of a force, or a bound of it, in words; F: `pull`."""
+        """Return LAMMPS's expression for a Hertz force with the same overlap as a force of this law, or a bound of it.
+
+        force and pull are expressions for the force and for F.
+        """
         return f"({force}+{pull})"
 
     @staticmethod
     def mark(axes: int) -> str:
-        """Return further columns of a local compute, which tell contacts from other pairs; "" if it lists no others."""
+        """Return columns of a local compute that distinguish contacts from other pairs; "" if it lists no others."""
         return ""
 
 
 class Dmt(AdhesionLaw):
-    """DMT law, and Hertz's where w = 0.
+    """DMT law, which is Hertz's law if w = 0.
 
-    An overlap must not be negative, except for `push` and `energy`.
+    Overlaps must not be negative, except for `push` and `energy`.
     """
 
     pull, closing_work = 2.0, 3 / 5
     pull_off_overlap = 0.0  # m: the contact parts where it ends
 
     def overlap_under(self, force: Numbers) -> Numbers:
-        """Return the overlap ((F + f_N)/A)^{2/3} of a contact that is pressed with the force f_N ≥ −F."""
+        """Return the overlap ((F + f_N)/A)^{2/3} of a contact under the force f_N ≥ −F (compression is positive)."""
         return ((self.pull_off_force + force) / self.normal_coefficient) ** (2 / 3)
 
     def force(self, overlap: Numbers) -> Numbers:
@@ -195,8 +206,8 @@ class Dmt(AdhesionLaw):
         return self.normal_coefficient * overlap**1.5 - self.pull_off_force
 
     def push(self, overlap: Numbers) -> Numbers:
-        """Return f_N of any overlaps; 0 where spheres do not touch."""
-        # In place: the many steps of a relaxation spend their time here
+        """Return f_N at any overlap; 0 where spheres do not touch."""
+        # In place, because the many steps of a relaxation spend most time here
         inside = np.maximum(overlap, 0.0)
         push = np.sqrt(inside)
         push *= inside
@@ -205,7 +216,7 @@ class Dmt(AdhesionLaw):
         return push
 
     def energy(self, overlap: Numbers) -> Numbers:
-        """Return V = (2/5) A δ^{5/2} − F δ, J, of any overlaps; 0 where spheres do not touch."""
+        """Return V = (2/5) A δ^{5/2} − F δ, J, at any overlap; 0 where spheres do not touch."""
         inside = np.maximum(overlap, 0.0)
         return (0.4 * (self.normal_coefficient * (np.sqrt(inside) * inside)) - self.pull_off_force) * inside
 
@@ -222,7 +233,7 @@ class Dmt(AdhesionLaw):
         return self.shear_coefficient * np.sqrt(overlap)
 
     def excess(self, overlap: Numbers) -> Numbers:
-        """Return ∂f_S/∂ξ : ∂f_N/∂δ over 4G*/E*, Mindlin's ratio: 1."""
+        """Return the ratio ∂f_S/∂ξ : ∂f_N/∂δ in units of Mindlin's ratio 4G*/E*: 1."""
         return 1.0
 
     def softening(self, overlap: Numbers) -> tuple[Numbers, Numbers]:
@@ -230,27 +241,27 @@ class Dmt(AdhesionLaw):
         return 0.25, 0.5
 
     def above_pull_off(self, x: str, load: float, holding: float) -> str:
-        """Return f_N + F = (F + F0) x^{3/2} in LAMMPS's words."""
+        """Return LAMMPS's expression for f_N + F = (F + F0) x^{3/2}."""
         return f"{holding!r}*{x}^1.5"
 
     def overlap_of_share(self, u: str, load: float) -> str:
-        """Return u^{2/3} in LAMMPS's words."""
+        """Return LAMMPS's expression for u^{2/3}."""
         return f"{u}^(2/3)"
 
 
 class Jkr(AdhesionLaw):
-    """JKR law of a contact that adheres, w > 0.
+    """JKR law of an adhesive contact, w > 0.
 
-    An overlap must not be below `pull_off_overlap`, where the contact parts, except for `push` and `energy`.
+    Overlaps must not be below `pull_off_overlap`, where the contact parts, except for `push` and `energy`.
     """
 
     pull, closing_work = 1.5, 6 / 5 * (1 - (2 / 3) ** (4 / 3))
     beyond, said, cutoff = True, "also beyond contact", "type"
-    late, later = "jkr/distance", 9 * 6 ** (-4 / 3) * 2 ** (4 / 3)  # it ends at y = 1/6 in place of y = 1/2
+    late, later = "jkr/distance", 9 * 6 ** (-4 / 3) * 2 ** (4 / 3)  # the variant ends at y = 1/6 instead of y = 1/2
 
     @cached_property
     def rest_overlap(self) -> Numbers:
-        """Overlap δ0 of a contact that nothing presses, m."""
+        """Overlap δ0 of an unloaded contact, m."""
         return (4 * self.pull_off_force / self.normal_coefficient) ** (2 / 3) / 3
 
     @cached_property
@@ -259,7 +270,7 @@ class Jkr(AdhesionLaw):
         return self._overlap(0.5)
 
     def overlap_under(self, force: Numbers) -> Numbers:
-        """Return the overlap of a contact that is pressed with the force f_N ≥ −F."""
+        """Return the overlap of a contact under the force f_N ≥ −F (compression is positive)."""
         return self._overlap((1 + np.sqrt(1 + force / self.pull_off_force)) / 2)
 
     def force(self, overlap: Numbers) -> Numbers:
@@ -268,12 +279,12 @@ class Jkr(AdhesionLaw):
         return 4 * self.pull_off_force * (y * y - y)
 
     def push(self, overlap: Numbers) -> Numbers:
-        """Return f_N of any overlaps; 0 where spheres do not touch."""
+        """Return f_N at any overlap; 0 where spheres do not touch."""
         y = self._y(self.nearest(overlap))
         return self.closed(overlap) * 4 * self.pull_off_force * (y * y - y)
 
     def energy(self, overlap: Numbers) -> Numbers:
-        """Return V = 4F δ0 [(6/5)s¹⁰ − 2s⁷ + ½s⁴], J, with s³ = y, less the same where the contact parts; 0 beyond."""
+        """Return V = 4F δ0 [(6/5)s¹⁰ − 2s⁷ + ½s⁴], J, s³ = y, minus its value where the contact parts; 0 beyond."""
         s = self._s(self.nearest(overlap))
         y = s**3
         energy = s**4 * (1.2 * y * y - 2 * y + 0.5) + 0.2 * 2 ** (-4 / 3)  # at y = ½ the bracket is −1/5
@@ -290,44 +301,46 @@ class Jkr(AdhesionLaw):
         return self.shear_coefficient * self._hertzian(self._s(overlap))
 
     def excess(self, overlap: Numbers) -> Numbers:
-        """Return ∂f_S/∂ξ : ∂f_N/∂δ over 4G*/E*, Mindlin's ratio: (6y−1)/(6y−3), 5/3 if nothing presses the contact."""
+        """Return (6y−1)/(6y−3), the ratio ∂f_S/∂ξ : ∂f_N/∂δ in units of Mindlin's ratio 4G*/E*; 5/3 if unloaded."""
         y = self._y(overlap)
         return (6 * y - 1) / (6 * y - 3)
 
     def softening(self, overlap: Numbers) -> tuple[Numbers, Numbers]:
         """Return n, m of f_N = f − k(x − n x²/δ) and f_S = g(1 − m x/δ)ξ, to second order in a stretch x.
 
-        m = (3y−2)/(6y−1),   n = (m/2)[1 + 6y/((2y−1)(6y−1))];   1/5 and 11/50 if nothing presses the contact
+            m = (3y−2)/(6y−1),   n = (m/2)[1 + 6y/((2y−1)(6y−1))]
+
+        An unloaded contact has m = 1/5 and n = 11/50.
         """
         y = self._y(overlap)
         shear = (3 * y - 2) / (6 * y - 1)
         return shear / 2 * (1 + 6 * y / ((2 * y - 1) * (6 * y - 1))), shear
 
     def above_pull_off(self, x: str, load: float, holding: float) -> str:
-        """Return a parabola in LAMMPS's words that touches zero where f_N + F does.
+        """Return LAMMPS's expression for a parabola that touches zero where f_N + F does.
 
-        It is below f_N + F for all overlaps up to that under the load.
+        The parabola lies below f_N + F for all overlaps up to the overlap under the load.
         """
         hold = abs(float(self.pull_off_overlap)) / float(self.overlap_under(load))
         return f"{holding!r}*(({x}+{hold!r})/(1+{hold!r}))^2"
 
     def overlap_of_share(self, u: str, load: float) -> str:
-        """Return the overlap in LAMMPS's words, by y."""
+        """Return LAMMPS's expression for this overlap, by way of y."""
         pressed = (float(self.pull_off_force) + load) / float(self.pull_off_force)
         y = f"(0.5+0.5*sqrt({u}*{pressed!r}))"
         return f"{float(self.overlap_under(0.0)) / float(self.overlap_under(load))!r}*{y}^(1/3)*(3*{y}-2)"
 
     def hertz_force(self, force: str, pull: str) -> str:
-        """Return the force of the contact radius, f + 2F + 2√(F(f + F)) in LAMMPS's words, as δ ≤ a²/Rc."""
+        """Return LAMMPS's expression for f + 2F + 2√(F(f + F)), the Hertz force of the contact radius, as δ ≤ a²/Rc."""
         return f"({force}+{pull}+{pull}+2*sqrt({pull}*({force}+{pull})))"
 
     @staticmethod
     def mark(axes: int) -> str:
-        """Return the components of the vector between the centres, which are 0 of a pair that is no contact."""
+        """Return the components of the vector between the centres, which are 0 for a pair without contact."""
         return "".join(f" p{10 + axis}" for axis in range(axes))
 
     def _hertzian(self, s: Numbers) -> Numbers:
-        """Return a/√Rc, the root of the overlap that a Hertz contact of the same radius has."""
+        """Return a/√Rc, the square root of the overlap of a Hertz contact with the same radius."""
         return np.sqrt(3 * self.rest_overlap) * s**2
 
     def _overlap(self, y: Numbers) -> Numbers:
@@ -338,10 +351,10 @@ class Jkr(AdhesionLaw):
         return s * s * s
 
     def _s(self, overlap: Numbers) -> Numbers:
-        """Return s = y^{1/3} of an overlap, from 3s⁴ − 2s = δ/δ0, by Newton's rule.
+        """Return s = y^{1/3} at an overlap, from 3s⁴ − 2s = δ/δ0, by Newton's method.
 
-        s starts at most 8 % off, and the polynomial is convex: five steps reach rounding for every overlap from
-        `pull_off_overlap` on.
+        The starting value is at most 8 % off and the polynomial is convex, so five steps reach rounding for every
+        overlap from `pull_off_overlap` on.
         """
         depth = overlap / self.rest_overlap
         s = np.sqrt(np.sqrt((np.maximum(depth, -0.5) + 2) / 3))
@@ -352,24 +365,24 @@ class Jkr(AdhesionLaw):
 
 
 _STEPS = 5
-SKIN = 0.1  # radii beyond contact, within the list of neighbours of a deck: a contact that adheres ends there
+SKIN = 0.1  # radii beyond overlap 0, where the neighbour list of a deck ends: adhesive contacts must end before
 ADHESION_LAWS: dict[str, type[AdhesionLaw]] = {"dmt": Dmt, "jkr": Jkr}
 HERTZ = "hertz"  # LAMMPS's name of the DMT law without adhesion
 NORMAL_LAWS = tuple(sorted((*ADHESION_LAWS, HERTZ)))
 
 
 def words_of_laws() -> str:
-    """Return what a scene says of the laws beside their names."""
+    """Return the descriptions of the laws for the comments of a scene."""
     return "; ".join(f"{name}: {law.said}" for name, law in ADHESION_LAWS.items() if law.said)
 
 
 def joined(laws: Sequence[AdhesionLaw]) -> AdhesionLaw:
-    """Return the law of the contacts of several laws of one name, those of each after those of the one before."""
+    """Return several laws of one name as one law, their contacts in the order of the laws."""
     return _combined(laws, np.concatenate)
 
 
 def chosen(which: Numbers, laws: Sequence[AdhesionLaw]) -> AdhesionLaw:
-    """Return the law of contacts (C,) each of which has one of several laws of one name, by index `which` (C,)."""
+    """Return one law for contacts (C,), each with the law that `which` (C,) selects from several laws of one name."""
     return _combined(laws, lambda each: np.choose(which, each))
 
 

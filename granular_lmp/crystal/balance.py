@@ -1,37 +1,37 @@
-"""Balance of forces: from spheres that have nearly settled to the rest at which no force is left on any of them.
+"""Balance of forces: steps from nearly settled spheres to the rest, where no force is left on any sphere.
 
-Steps d with (K + λ m) d = f lower the energy until the forces f are gone, with the masses m = 1 of the spheres and that
-of the box. They are solved nearly, by conjugate gradients with the factors of an earlier K
-(`granular_lmp.crystal.factors`). New factors cost as much as thirty iterations in a crystal of 1e4 spheres, and are
-made when a step took many. Which factors are used is a part of the way, as conjugate gradients leave another thousandth
-of the force with other ones. Far from balance factors leave out that contacts which push turn away (their stiffness
-across the contact is negative), so that they are those of a stable crystal.
+Steps d with (K + λ m) d = f lower the energy until the forces f vanish, with the masses m of the spheres (1) and of the
+box. Conjugate gradients solve for d approximately, with the factors of an earlier K (`granular_lmp.crystal.factors`) as
+preconditioner. New factors cost as much as thirty iterations in a crystal of 1e4 spheres; they are made after a step
+with many iterations. The choice of factors affects the path, because with other factors conjugate gradients leave a
+different thousandth of the force. Far from balance the factors omit the negative stiffness across contacts that push,
+so they belong to a stable crystal.
 
-A contact that parts or forms on the way pushes its spheres with about the pull-off force, and they may part or form
-others: an avalanche of some tens of spheres. There are two rules for a step, which end at other contacts, but at as
-many: over 24 seeds of 1020 spheres the mean number of contacts a sphere differs by 0.0007(12) at s = 4 and 0.0002(5) at
-s = 8.
+A contact that parts or forms pushes its spheres with about the pull-off force, and these spheres may part or form other
+contacts: an avalanche of some tens of spheres. There are two rules for a step. They end at different contacts, but at
+equal numbers of contacts: over 24 seeds of 1020 spheres the mean number of contacts per sphere differs by 0.0007(12) at
+s = 4 and by 0.0002(5) at s = 8.
 
-*The whole crystal* takes damped Newton steps through the avalanches. When a step raises the energy, single contacts
-have become much stiffer on the way, or have formed. They get the stiffness that makes a parabola of the energies before
-and after, their secant, and the step is taken again; the other contacts keep theirs. λ grows (Levenberg 1944, Marquardt
-1963) where the crystal would buckle, or where secants do not help. With single-precision factors, whose λ is at least
-1e-6 k1, 1e5 spheres with s = 2 take two thirds of the time, but of twelve crystals of 1020 spheres one with s = 4 and
-one with s = 8 get other contacts.
+*The whole crystal* takes damped Newton steps through the avalanches. If a step raises the energy, single contacts have
+become much stiffer during the step, or have formed. They get their secant stiffness, which makes a parabola through the
+energies before and after, the other contacts keep their stiffness, and the step is repeated. λ grows (Levenberg 1944,
+Marquardt 1963) where the crystal would buckle, or where secants do not help. With single-precision factors, whose λ is
+at least 1e-6 k1, 1e5 spheres with s = 2 take two thirds of the time, but of twelve crystals of 1020 spheres one with
+s = 4 and one with s = 8 get other contacts.
 
-*By avalanches* a step says only how the whole crystal yields, and the avalanches are left to those in them:
+*By avalanches* a step describes only how the whole crystal yields, and the spheres in an avalanche move separately:
 
-1. d is solved with factors that are mended where contacts have changed. Far from rest K leaves out what factors do.
-   Where K is not convex the crystal would buckle, and d continues in that direction.
-2. Of d the largest share 1, ½, ¼ … is taken with which the energy falls. When it is small, spheres that hardly anything
-   holds would be flung far, and λ grows. Taken whole, steps fling them, and 0.02 contacts a sphere are lost at s = 4.
-   Shear springs in place of λ, which would hold them, take five times as many steps.
-3. Spheres that then bear a force above `_LOOSE`, and their neighbours within `_RINGS`, are let go from rest against the
-   drag of `granular_lmp.crystal.let_go`; all others and the box are held.
+1. d is solved with factors that are mended where contacts have changed. Far from rest K omits the same terms as the
+   factors. If K is not convex the crystal would buckle, and d continues in that direction.
+2. The step is the largest share 1, ½, ¼ … of d that lowers the energy. A small share means that nearly free spheres
+   would be flung far, so λ grows. Whole steps would fling them, and lose 0.02 contacts per sphere at s = 4. Shear
+   springs instead of λ would hold these spheres, but take five times as many steps.
+3. Spheres with a force above `_LOOSE`, and their neighbours within `_RINGS`, are then released from rest against the
+   drag of `granular_lmp.crystal.let_go`; all other spheres and the box are held.
 
-Avalanches far apart end at once, so that a large crystal needs hardly more systems of equations than a small one: 1e5
-spheres with s = 2 come to rest in a fifth of the time. With single-precision factors four of 30 crystals differed
-between two kernels of OpenBLAS; with these none of 48 do, s = 2 to 12.
+Avalanches far apart end at the same time, so a large crystal needs hardly more systems of equations than a small one:
+1e5 spheres with s = 2 come to rest in a fifth of the time. With single-precision factors, four of 30 crystals differed
+between two kernels of OpenBLAS; with double-precision factors none of 48 crystals differ, for s = 2 to 12.
 """
 
 from collections.abc import Callable, Iterator
@@ -49,40 +49,40 @@ from granular_lmp.crystal.tangent import Tangent
 from granular_lmp.errors import CrystalError
 
 Floats = NDArray[np.float64]
-BALANCED = 1e-10  # k1 Δ0: no force on a sphere at rest is larger
+BALANCED = 1e-10  # k1 Δ0: largest force on a sphere at rest
 STEPS = 5000
-_FAR = 1e-3  # k1 Δ0: a larger force is far from balance
+_FAR = 1e-3  # k1 Δ0: with a larger force the crystal is far from balance
 _LONGEST_STEP = 0.05  # radii
 
-# The whole crystal: bounds of λ, in k1, its first value, and its least one where the crystal would buckle
+# The whole crystal: bounds of λ, in k1, its first value, and its least value where the crystal would buckle
 _SOFTEST, _STIFFEST = 1e-9, 1e6
 _FIRST, _BUCKLING = 1e-5, 1e-6
-# Factors of λ: after a step that failed, one that succeeded with secants, and one without. If secants did not raise λ,
-# they would lock places that are about to buckle, step after step.
+# Factors of λ after a failed step, after a step that succeeded with secants, and after a step that succeeded without.
+# If secants did not raise λ, they would lock regions that are about to buckle, step after step.
 _HARDER, _HELPED, _SOFTER = 8.0, 2.0, 1 / 6
-# Share of the force that conjugate gradients may leave; near the rest its root, with which steps converge faster than
-# linearly (Dembo, Eisenstat & Steihaug, SIAM J. Numer. Anal. 19, 400 (1982)). A share of 0.03 is a third faster, but
-# lets rounding grow to other contacts at s = 12.
+# Share of the force that conjugate gradients may leave. Near rest the share is the square root of the force, with which
+# steps converge faster than linearly (Dembo, Eisenstat & Steihaug, SIAM J. Numer. Anal. 19, 400 (1982)). A share of
+# 0.03 is a third faster, but lets rounding grow to other contacts at s = 12.
 _SHARE_LEFT = 1e-3
-_RESOLVED = 1e-3  # Δ0: over a smaller way the energy of a contact does not show its stiffness
-_ATTEMPTS = 2  # secants, before λ grows
+_RESOLVED = 1e-3  # Δ0: a smaller displacement is too short to resolve the stiffness of a contact by its energy
+_ATTEMPTS = 2  # attempts with secants before λ grows
 
-# By avalanches: least λ far from rest and near it, k1; λ grows and falls by `_HARDER`, and to 1e12 times that at most
+# By avalanches: least λ far from rest and near rest, k1. λ grows and falls by `_HARDER`, up to 1e12 times the least λ
 _LEAST_FAR, _LEAST_NEAR, _MOST = 1e-5, 1e-9, 1e12
-_HALVINGS = 10  # A step is halved at most as often
-_FLUNG = 0.2  # A smaller share of a step says that λ is too small
+_HALVINGS = 10  # largest number of halvings of a step
+_FLUNG = 0.2  # a smaller share of a step means that λ is too small
 _SHARE_LEFT_BY_AVALANCHES = 0.1
-_BUCKLED = 0.5  # Δ0: how far a crystal is pushed in the direction in which it would buckle
-_LOOSE, _RINGS = 1e-2, 3  # Force k1 Δ0 of spheres that are let go, and how far their neighbours are
+_BUCKLED = 0.5  # Δ0: displacement of a crystal in the direction in which it would buckle
+_LOOSE, _RINGS = 1e-2, 3  # k1 Δ0: least force on spheres that are released; rings of neighbours released with them
 
 
 def balance(potential: Potential, state: State, by: str, progress: Progress | None = None) -> tuple[State, int]:
-    """Return the rest near a given state, and the number of steps to it, by "whole" or "avalanches".
+    """Return the rest near a given state and the number of steps to it, by the rule "whole" or "avalanches".
 
     Raises
     ------
     CrystalError
-        When a force above `BALANCED` is left after `STEPS`.
+        If a force above `BALANCED` is left after `STEPS`, or when λ has reached its limit.
     """
     way = chain([state], RULES[by].steps(potential, state))
     for step, now in enumerate(islice(way, STEPS + 1)):
@@ -127,14 +127,14 @@ def _whole(potential: Potential, state: State) -> Iterator[State]:
 
 
 def _secant(before: State, after: State) -> Floats:
-    """Return the stiffness of each pair, k1, with which its energy and force before would lead to its energy after."""
+    """Return the secant stiffness of each pair, k1: with energy and force before, it gives the energy after."""
     closer = after.overlap - before.overlap
     more = after.energy - before.energy - before.contact_force * closer
     return np.where(np.abs(closer) > _RESOLVED, 2 * more / np.maximum(closer**2, _RESOLVED**2), 0.0)
 
 
 def _by_avalanches(potential: Potential, state: State) -> Iterator[State]:
-    """Yield the states after steps that let the spheres of each avalanche go, until λ is too large."""
+    """Yield the states after steps that release the spheres of each avalanche, until λ is too large."""
     order, stiffer = order_of(potential, state), 1.0
     factors: Factors | None = None
     while stiffer <= _MOST:
@@ -163,7 +163,7 @@ def _by_avalanches(potential: Potential, state: State) -> Iterator[State]:
 
 
 def _part_of(potential: Potential, state: State, change: Floats) -> tuple[float, State]:
-    """Return the share of a step with which the energy falls, 0 if none does, and the state after avalanches in it."""
+    """Return the largest share of a step that lowers the energy, 0 if none does, and the state after its avalanches."""
     for share in 0.5 ** np.arange(_HALVINGS + 1):
         new = _moved(potential, state, change, share)
         if potential.energy_change(state, new) < 0:
@@ -172,7 +172,7 @@ def _part_of(potential: Potential, state: State, change: Floats) -> tuple[float,
 
 
 def _after_avalanches(potential: Potential, state: State) -> State:
-    """Return the state after spheres with a large force, and those around them, were let go."""
+    """Return the state after spheres with a large force, and the spheres around them, were released."""
     moving, pairs = np.abs(state.force).max(axis=1) > _LOOSE, state.pairs
     if not moving.any():
         return state
@@ -185,17 +185,24 @@ def _after_avalanches(potential: Potential, state: State) -> State:
 
 
 def _moved(potential: Potential, state: State, change: Floats, share: float = 1.0) -> State:
-    """Return the state after a share of a step, which is bounded and does not shift the crystal as a whole."""
+    """Return the state after a share of a step, with its length bounded and without a shift of the whole crystal."""
     axes = potential.axes
     u, e = change[:-axes].reshape(-1, axes), change[-axes:]
-    shifted = potential.crystal.pbc[:axes] & potential.free.all()  # nothing holds the crystal as a whole
+    shifted = potential.crystal.pbc[:axes] & potential.free.all()  # axes along which nothing holds the whole crystal
     u = u - np.where(shifted, u.mean(axis=0), 0.0)
     bound = min(1.0, _LONGEST_STEP / potential.unit / max(float(np.abs(u).max()), 1e-300))
     return potential.state(state.pairs, state.u + share * (bound * u), state.e + share * (bound * e))
 
 
 class Rule(NamedTuple):
-    """A rule for the steps, how far spheres settle before them (root mean square force, k1 Δ0), and its name."""
+    """Rule for the steps.
+
+    Attributes
+    ----------
+    steps : function that yields the states after each step
+    settled : root mean square force to which spheres settle before the first step, k1 Δ0
+    in_words : description of the steps
+    """
 
     steps: Callable[[Potential, State], Iterator[State]]
     settled: float
@@ -204,6 +211,6 @@ class Rule(NamedTuple):
 
 RULES = {
     WHOLE: Rule(_whole, SETTLED, "damped Newton steps"),
-    # From here on they take less time than spheres that move longer
+    # Steps from this larger force take less time than letting the spheres settle further
     AVALANCHES: Rule(_by_avalanches, 4 * SETTLED, "steps that let the spheres of each avalanche go"),
 }

@@ -1,32 +1,31 @@
 """Bloch modes of a crystal from its contacts: frequencies and shapes for any wave vector and any number of spheres.
 
-In a plane wave sphere s of the cell, at r, moves by u_s e^{i(k·r − ωt)} and turns by φ_s e^{i(k·r − ωt)}, φ = Rθ with
-its own R. The contact from i to j with vector d, unit normal n and tangent t (n turned by +90°) is then stretched,
-moved sideways and sheared, up to a common phase, by
+In a plane wave, sphere s of the cell, at r, moves by u_s e^{i(k·r − ωt)} and turns by φ_s e^{i(k·r − ωt)}, where
+φ = Rθ with the radius R of the sphere. A contact from i to j with the vector d, unit normal n and tangent t (n turned
+by +90°) is then stretched by δN, moved sideways by δT and sheared by δS, up to a common phase:
 
     δN = n·(u_j e^{ik·d/2} − u_i e^{−ik·d/2}),    δT the same with t,    δS = δT − (φ_j e^{ik·d/2} + φ_i e^{−ik·d/2})
 
-The energy is E = ½ Σ_contacts (k |δN|² + g |δS|² − (f/ℓ) |δT|²) with the normal and the shear stiffness k and g; the
-last term is there where a contact of length ℓ is pressed together by a force f at rest: one that turns pushes on, as a
-compressed strut does when it buckles. Shapes are the eigenvectors of M^{-1/2} (∂²E) M^{-1/2}; each ω² is then the sum
-of squares E gives for its shape. Taken so, ω is accurate for long waves too, where an eigenvalue loses half its digits.
+The energy is E = ½ Σ_contacts (k |δN|² + g |δS|² − (f/ℓ) |δT|²) with the normal and shear stiffnesses k and g. The last
+term belongs to a contact of length ℓ that a force f compresses at rest: as the contact turns it pushes sideways, like a
+compressed strut that buckles. Shapes are the eigenvectors of M^{-1/2} (∂²E) M^{-1/2}; ω² of a shape is then the sum of
+squares in E. This keeps ω accurate for long waves, where an eigenvalue loses half its digits.
 
-With φ = i f the rows of a cell of one sphere are real: δN = 2 sin(χ/2) n·u, δS = 2 sin(χ/2) t·u − 2 cos(χ/2) f with
-χ = k·d, and so are its shapes (u, f). The waves of a lattice of one sphere a cell have the names L, TR and RT
-(`granular_lmp.crystal.modes`). Frequencies are in rad/t0, wave vectors in 1/R, both of a reference sphere.
+With φ = i f, the rows of a cell of one sphere are real, δN = 2 sin(χ/2) n·u and δS = 2 sin(χ/2) t·u − 2 cos(χ/2) f with
+χ = k·d, and so are its shapes (u, f). The waves of a lattice with one sphere per cell have the names L, TR and RT
+(`granular_lmp.crystal.modes`). Frequencies are in rad/t0 and wave vectors in 1/R of a reference sphere.
 
-An effect that a scene leaves out leaves its part out here: no shear, no g; no rotation, no f. Every sphere has six
-freedoms and every contact two tangents; in the plane three of the freedoms move (`Physics.coordinates`). A rigid wall
-is a contact whose other side is at rest and drops out: δN = −n·u_i, δS = −t·u_i − φ_i·(n × t).
+An effect that a scene leaves out removes its terms here: without shear g = 0, without rotation f = 0. Every sphere has
+six freedoms and every contact two tangents; in the plane three of the freedoms move (`Physics.coordinates`). A rigid
+wall is a contact whose other side is at rest: δN = −n·u_i, δS = −t·u_i − φ_i·(n × t).
 
-**The torque arm.** A shear force at a contact with overlap δ has the arm R as it does work on the slip, but in LAMMPS
-the arm R − δ/2 in the torque. Where all contacts of a sphere have one overlap that is the same as an inertia larger by
-1/(1 − η), η = δ/2R. Where they have not, the contacts are no longer derived from an energy; η is then the mean over the
-contacts of the sphere, weighted by g, and frequencies are wrong by less than the spread of η, 1e-4 for microspheres. At
-a wall the torque has the arm R. A crystal on one has the exact modes, of a matrix that is not symmetric (`_exact`).
+**The torque arm.** The shear force at a contact with overlap δ has the arm R in its work on the slip, but in LAMMPS the
+arm R − δ/2 in the torque. If all contacts of a sphere have the same overlap, this is equivalent to an inertia larger by
+1/(1 − η), η = δ/2R. Otherwise the forces do not derive from an energy. η is then the mean over the contacts of the
+sphere, weighted by g, and frequencies are wrong by less than the spread of η, 1e-4 for microspheres. At a wall the
+torque has the arm R; for a crystal on a wall the modes are exact, from a matrix that is not symmetric (`_exact`).
 
-This is a numerical derivation from the geometry, kept apart from the closed forms of
-``granular_analysis.second_harmonic``.
+This numerical derivation from the geometry is independent of the closed forms in ``granular_analysis.second_harmonic``.
 """
 
 from collections.abc import Sequence
@@ -40,12 +39,12 @@ from granular_lmp.crystal.mode import FULL, F, Physics
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.errors import CrystalError
 
-# A negative ω², over the largest one, that is not rounding: the crystal buckles.
+# If −ω² exceeds this share of the largest ω², it is not rounding: the crystal buckles
 _BUCKLING = 1e-9
-_STIFF = 1e-3  # 1/t0²: where all of ω² are less, as of motions that no contact resists, rounding counts by this
-_FED = 1e-5  # imaginary part of ω² over the largest one: in a film without symmetry 3e-7, for a share η of 2.5e-4
-SPARSE = 12  # spheres of a cell beyond which the rows of one wave vector are a sparse array; a contact has 12 numbers
-_APART = 1e-9  # coupling of two subspaces, over the largest element of the matrix, that is rounding
+_STIFF = 1e-3  # 1/t0²: the least scale of rounding of ω², for motions that no contact resists
+_FED = 1e-5  # largest imaginary part of ω², over the largest ω²; a film without symmetry has 3e-7 for η = 2.5e-4
+SPARSE = 12  # number of spheres per cell above which rows are sparse; a contact has 12 numbers
+_APART = 1e-9  # a coupling of two subspaces below this share of the largest matrix element is rounding
 Floats = NDArray[np.float64]
 Springs = list[tuple[NDArray[Any], NDArray[Any]]]
 
@@ -69,7 +68,7 @@ def bloch_modes(
     Returns
     -------
     frequencies : (..., FN) array
-        Frequencies in rad/t0, ascending, of the F freedoms of `Physics.coordinates`: 3 in the plane, 6 in space.
+        Frequencies in rad/t0, ascending, for the F freedoms of `Physics.coordinates`: 3 in the plane, 6 in space.
     shapes : (..., FN, 6N) array
         One row per mode: (u, f) of each sphere in turn, normalised to 1; real for one sphere per cell without a wall.
         The phase of a row is arbitrary, and degenerate modes are returned in an arbitrary basis.
@@ -77,7 +76,8 @@ def bloch_modes(
     Raises
     ------
     CrystalError
-        If a mode has a negative ω², so that the crystal is not at a stable equilibrium.
+        If a mode has a negative ω², so the crystal is not at a stable equilibrium; if modes grow or decay too much
+        because torques have different arms.
     ValueError
         If spheres move in the plane and contacts do not lie in a plane z = const.
     """
@@ -91,19 +91,19 @@ def require_plane(contacts: Contacts) -> None:
     """Raise a ValueError unless all contacts lie in a plane z = const."""
     outside = np.flatnonzero(contacts.vector[:, 2])
     if len(outside):
-        raise ValueError(f"contact {outside[0]}: leaves the plane z = const, in which all contacts must lie")
+        raise ValueError(f"contact {outside[0]}: leaves the plane z = const; all contacts must lie in this plane")
 
 
 def effective_inertia(contacts: Contacts) -> Floats:
-    """Return I/R² = Ĩm/(1 − η) of each sphere, (N,), kg: its inertia as LAMMPS's torque arm makes it.
+    """Return I/R² = Ĩm/(1 − η) of each sphere, (N,), kg: the effective inertia with LAMMPS's torque arm.
 
-    A sphere that no contact turns keeps Ĩm. The module docstring defines η.
+    A sphere without shear contacts to other spheres has Ĩm. The module docstring defines η.
     """
     return INERTIA_RATIO * contacts.mass / (1 - _arm_loss(contacts))
 
 
 def _arm_loss(contacts: Contacts) -> Floats:
-    """Return the mean η of each sphere, (N,), over its contacts with others."""
+    """Return the mean η of each sphere, (N,), over its contacts with other spheres, weighted by g."""
     turned, weighted = np.zeros_like(contacts.mass), np.zeros_like(contacts.mass)
     pairs = ~contacts.on_wall
     stiffness, overlap = contacts.shear_stiffness[pairs], contacts.overlap[pairs]
@@ -114,10 +114,10 @@ def _arm_loss(contacts: Contacts) -> Floats:
 
 
 def effective_rolling(contacts: Contacts, physics: Physics) -> Floats:
-    """Return the rolling stiffness k_r/(1 − η) of each contact that goes with `effective_inertia`, (C,), N/m.
+    """Return the rolling stiffness k_r/(1 − η) of each contact for use with `effective_inertia`, (C,), N/m.
 
-    LAMMPS's torque of a roll has the arm Rc, without the part δ/2 that shear torques lose: the effective inertia is too
-    large for it, which its stiffness makes up for.
+    LAMMPS's rolling torque has the arm Rc, which is not reduced by δ/2 as in shear torques. The effective inertia is
+    therefore too large for rolling, and the stiffness compensates for this.
     """
     return physics.rolling / (1 - contacts.overlap / contacts.radii)
 
@@ -125,7 +125,10 @@ def effective_rolling(contacts: Contacts, physics: Physics) -> Floats:
 def stretch_rows(
     contacts: Contacts, wavevectors: Floats, ways: Sequence[int] = (0, 1)
 ) -> tuple[NDArray[Any], list[NDArray[Any]], list[NDArray[Any]]]:
-    """Return rows (..., C, 6N) of a shape (u, f): −i times δN, and of the tangents δT and δS − δT; k in 1/m."""
+    """Return rows (..., C, 6N) that give deformations from a shape (u, f), k in 1/m.
+
+    The rows are −i times δN, then −i times δT and −i times δS − δT for each of the tangents `ways`.
+    """
     phase_i, phase_j = _phases(contacts, wavevectors)
 
     def moves(way: NDArray[Any]) -> NDArray[Any]:
@@ -137,7 +140,7 @@ def stretch_rows(
 
 
 def twist_rows(contacts: Contacts, wavevectors: Floats) -> NDArray[Any]:
-    """Return the rows (..., C, 6N) of a shape (u, f) that give −i times (φ_i + φ_j)·n; k in 1/m."""
+    """Return the rows (..., C, 6N) that give −i times (φ_i + φ_j)·n from a shape (u, f); k in 1/m."""
     part = np.hstack([np.zeros_like(contacts.normals), contacts.normals])
     phase_i, phase_j = _phases(contacts, wavevectors)
     return _rows(contacts, phase_i * part, phase_j * part)
@@ -151,9 +154,10 @@ def _turn_rows(contacts: Contacts, way: int, on_i: NDArray[Any], on_j: NDArray[A
 
 
 def _torque_rows(contacts: Contacts, wavevectors: Floats) -> list[NDArray[Any]]:
-    """Return, for both tangents, the rows of `stretch_rows` of δS − δT times what the true arm of a torque adds.
+    """Return, for both tangents, the rows δS − δT of `stretch_rows` times the correction for the true torque arm.
 
-    The arm is (R − δ/2)/R of a pair and 1 of a wall; `effective_inertia` stands for the mean 1 − η of each sphere.
+    The arm is (R − δ/2)/R for a pair and 1 for a wall; `effective_inertia` already contains the mean 1 − η of each
+    sphere.
     """
     phase_i, phase_j = _phases(contacts, wavevectors)
     mean, pairs = 1 - _arm_loss(contacts), ~contacts.on_wall
@@ -165,20 +169,20 @@ def _torque_rows(contacts: Contacts, wavevectors: Floats) -> list[NDArray[Any]]:
 
 
 def _exact(matrix: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the real parts of ω² (..., F) and eigenvectors as columns of a matrix that is nearly symmetric.
+    """Return the real parts of ω² (..., F), and eigenvectors as columns, for a matrix that is nearly symmetric.
 
-    Torques of different arms do work over a period, in LAMMPS too. A layer that half a turn about z leaves as it is has
-    real ω²; in a film of close-packed layers modes grow or decay by some 1e-7 of the highest frequency.
+    Torques with different arms do work over a period, in LAMMPS too. In a layer that is symmetric under half a turn
+    about z, ω² is real; in a film of close-packed layers, modes grow or decay by some 1e-7 of the highest frequency.
 
     Raises
     ------
     CrystalError
-        If the imaginary part of ω² is more than that.
+        If the imaginary part of an ω² exceeds 1e-5 of the largest ω².
     """
     squared, vectors = np.linalg.eig(matrix)
     if np.abs(np.imag(squared)).max() > _FED * np.abs(squared).max():
         raise CrystalError(
-            "modes feed each other by torques of different arms; let overlaps of the contacts differ less"
+            "modes grow or decay because torques have different arms; make the overlaps of the contacts more equal"
         )
     return np.real(squared), vectors
 
@@ -198,9 +202,9 @@ def roll_rows(contacts: Contacts, wavevectors: Floats) -> NDArray[Any]:
 
 
 def _rows(contacts: Contacts, on_i: NDArray[Any], on_j: NDArray[Any]) -> NDArray[Any]:
-    """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 6) on spheres i and j.
+    """Return one row per contact over the freedoms of all spheres, from its parts (..., C, 6) on spheres i and j.
 
-    Those of one wave vector are a sparse array where a cell has more than `SPARSE` spheres.
+    For one wave vector, the rows are a sparse array if a cell has more than `SPARSE` spheres.
     """
     spheres, pairs = len(contacts.mass), ~contacts.on_wall
     if spheres > SPARSE and on_i.ndim == 2:
@@ -226,11 +230,12 @@ def _springs(
 ) -> tuple[Springs, list[NDArray[Any]], NDArray[Any]]:
     """Return springs, torques, and 1/√mass of the freedoms, (6N,).
 
-    Springs are stiffnesses with their rows, the normal one and the slips first. Torques are what true arms add to the
-    rows of the slips, [] where arms are alike. All rows are divided by the roots of the masses.
+    Springs are stiffnesses with their rows: the normal spring first, then the slips, then others. Torques are the
+    corrections of the rows of the slips for true arms, [] if all arms are equal. All rows are divided by the square
+    roots of the masses.
     """
     k = wavevectors / sphere.radius
-    ways = range(2 if physics.space else 1)  # in the plane nothing moves along the second tangent
+    ways = range(2 if physics.space else 1)  # in the plane there is no motion along the second tangent
     normal, sideways, turn = stretch_rows(contacts, k, ways)
     mass = np.repeat([contacts.mass, effective_inertia(contacts)], 3, axis=0).T.ravel()
     inverse_root_mass = np.sqrt(sphere.mass / mass)
@@ -251,8 +256,8 @@ def solve(
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return frequencies, ascending, and shapes of the modes in a subspace of the freedoms.
 
-    `basis` holds the indices of some freedoms, (F,), or orthonormal columns, (6N, F), each of one sphere and of its
-    displacement or its rotation.
+    basis : indices of freedoms, (F,), or orthonormal columns, (6N, F); each column moves one sphere, and either
+        displaces or rotates it.
     """
 
     def within(rows: Any) -> NDArray[Any]:
@@ -271,8 +276,8 @@ def solve(
         squared = sum(np.sum(weight * np.abs(rows @ vectors) ** 2, axis=-2) for weight, rows in energy)
     if squared.min() < -_BUCKLING * max(squared.max(), _STIFF):
         raise CrystalError(
-            f"the crystal is not stable: a mode has the squared frequency {squared.min():.6g} in 1/t0^2, and none may "
-            "have a negative one; press its contacts together less, or hold it sideways"
+            f"the crystal is not stable: a mode has the squared frequency {squared.min():.6g} in 1/t0^2, which must "
+            "not be negative; press the contacts together less, or hold the crystal sideways"
         )
     vectors = vectors.swapaxes(-1, -2)
     shapes = np.zeros((*vectors.shape[:-1], len(inverse_root_mass)), dtype=vectors.dtype)
@@ -295,7 +300,7 @@ def part(
     one: NDArray[Any],
     other: NDArray[Any],
 ) -> bool:
-    """Return whether no motion of one subspace, (6N, F) columns, moves the other, at a wave vector (2,)."""
+    """Return whether two subspaces, (6N, F) columns each, are uncoupled at a wave vector (2,)."""
     springs, torques, _ = _springs(contacts, sphere, wavevector, physics)
     parts = [(rows, weight * rows) for weight, rows in springs]
     parts += [(rows, weight * slip) for rows, (weight, slip) in zip(torques, springs[1:], strict=False)]
@@ -306,7 +311,7 @@ def part(
 
 
 def matrix_of(contacts: Contacts, sphere: Sphere, wavevector: Floats, physics: Physics) -> tuple[Any, NDArray[Any]]:
-    """Return the sparse matrix of ω² of a cell of many spheres, (6N, 6N) over freedoms times √mass, and 1/√mass."""
+    """Return the sparse matrix (6N, 6N) with the eigenvalues ω², for freedoms times √mass, and 1/√mass (6N,)."""
     springs, torques, inverse_root_mass = _springs(contacts, sphere, wavevector, physics)
     parts: list[tuple[Any, Any]] = [(rows, rows * weight) for weight, rows in springs]
     parts += [(rows, slip) for rows, (_, slip) in zip(torques, parts[1:], strict=False)]

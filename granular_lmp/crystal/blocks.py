@@ -1,8 +1,8 @@
-"""Large arrays by blocks: what is computed on the way takes a few MB, in the cache of a processor, at any size."""
+"""Large arrays in blocks, so that intermediate arrays take only a few MB and stay in the processor cache."""
 
 from collections.abc import Iterator
 
-BLOCK = 1 << 15  # elements; good values: 1e4 to 1e5, with a dozen arrays of them in the cache
+BLOCK = 1 << 15  # elements; good values: 1e4 to 1e5, so that the cache holds a dozen blocks
 
 
 def blocks(count: int) -> Iterator[slice]:

@@ -1,12 +1,12 @@
-"""Bands of a chain of spheres along its line: the frequencies of a periodic order of masses and contacts.
+"""Frequency bands of a chain of spheres that moves along its line, for a periodic sequence of masses and contacts.
 
     m_s ω² u_s = K_{s−1} (u_s − u_{s−1}) + K_s (u_s − u_{s+1}),   u_{s+p} = u_s e^{iχ}
 
-for the p spheres of a cell, with the phase χ from cell to cell. Neighbours alone are coupled, so that the edges of all
-bands lie at χ = 0 and χ = π; between two bands no wave runs. Two masses m < M in turn with equal contacts have an
-acoustic band up to √(2K/M) and an optical one from √(2K/m) to √(2K(1/m + 1/M)).
+for the p spheres of a cell, with the phase χ from cell to cell. Only neighbours are coupled, so the edges of all bands
+lie at χ = 0 and χ = π; no wave runs between two bands. A chain of alternating masses m < M with equal contacts has an
+acoustic band up to √(2K/M) and an optical band from √(2K/m) to √(2K(1/m + 1/M)).
 
-`granular_lmp.crystal.modes` has the modes in the plane, which a chain that is pressed together lacks: nothing holds it
+`granular_lmp.crystal.modes` has the modes in the plane. A compressed chain has no such modes, because nothing holds it
 sideways. Source: L. Brillouin, Wave Propagation in Periodic Structures (1953).
 """
 
@@ -14,17 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-SAME = 1e-9  # relative; overlaps of one pair of spheres differ by rounding of the places, 1e-11
+SAME = 1e-9  # relative difference below which values are equal; rounding of positions changes overlaps by 1e-11
 
 
 def cell_of(mass: Floats, stiffness: Floats) -> int:
     """Return the least number of spheres after which masses and contacts of a chain repeat; 0 if they do not.
 
+    The chain must contain at least two cells.
+
     Parameters
     ----------
     mass : (n,)
+        Masses of the spheres.
     stiffness : (n − 1,)
-        Of the contacts between them. A cell must be there twice.
+        Stiffnesses of the contacts between successive spheres.
     """
     for cell in range(1, len(mass) // 2 + 1):
         if all(np.allclose(each[cell:], each[:-cell], rtol=SAME, atol=0) for each in (mass, stiffness)):
@@ -38,9 +41,9 @@ def frequencies(mass: Floats, stiffness: Floats, phases: Floats) -> Floats:
     Parameters
     ----------
     mass : (p,)
-        Of the spheres of one cell.
+        Masses of the spheres of one cell.
     stiffness : (p,)
-        Of each contact with the next sphere, the last that with the next cell.
+        Stiffness of the contact of each sphere with the next; the last contact joins the next cell.
     phases : (k,)
         χ, rad per cell.
     """
@@ -57,9 +60,9 @@ def frequencies(mass: Floats, stiffness: Floats, phases: Floats) -> Floats:
 
 
 def edges(mass: Floats, stiffness: Floats) -> Floats:
-    """Return the lowest and the highest frequency of each band of a cell, (p, 2), as `frequencies` takes it."""
+    """Return the lowest and the highest frequency of each band, (p, 2); mass and stiffness as in `frequencies`."""
     found = np.sort(frequencies(mass, stiffness, np.array([0.0, np.pi])).T, axis=1)
-    found[0, 0] = 0.0  # the whole chain is shifted; an eigenvalue of 1e-16 would have the root 1e-8
+    found[0, 0] = 0.0  # shift of the whole chain; rounding of its eigenvalue, 1e-16, would give the frequency 1e-8
     return np.asarray(found)
 
 

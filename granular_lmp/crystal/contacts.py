@@ -1,18 +1,18 @@
 """Contacts of a crystal at rest, found from its geometry: pairs of spheres, stiffnesses and forces.
 
-Two elastic spheres at an overlap δ have, by the DMT law, the normal force f_N = A δ^{3/2} − F and, after a slip ξ, the
+By the DMT law, two elastic spheres at an overlap δ have the normal force f_N = A δ^{3/2} − F and, after a slip ξ, the
 shear force f_S = B ξ δ^{1/2},
 
     A = (4/3) E* √Rc,    B = 8 G* √Rc,    F = 2π w Rc
     1/E* = (1−νi²)/Ei + (1−νj²)/Ej,    1/G* = (2−νi)/Gi + (2−νj)/Gj,    Rc = Ri Rj/(Ri + Rj),    w = √(wi wj)
 
 with G = E/(2(1+ν)). For equal spheres these are the constants of `granular_lmp.crystal.sphere.Sphere`. Between two
-materials E* and G* are those of contact mechanics (Johnson, Contact Mechanics (1985), sections 4.2 and 7.2), and the
-geometric mean for w is the convention of ``pair_style granular`` in LAMMPS. If LAMMPS mixes two types itself it has the
-same E* and w, but another G*: the style ``mindlin`` with the stiffness NULL takes the mixed modulus for that of either
-sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials therefore need their own ``pair_coeff`` (a test
-in LAMMPS measures both). The JKR law has the same constants, in `granular_lmp.crystal.adhesion_laws`; all materials of
-a crystal have one law.
+materials, E* and G* follow contact mechanics (Johnson, Contact Mechanics (1985), sections 4.2 and 7.2), and the
+geometric mean for w is the convention of LAMMPS's ``pair_style granular``. If LAMMPS itself mixes two types, it has the
+same E* and w but another G*: the style ``mindlin`` with the stiffness NULL uses the mixed modulus as the modulus of
+either sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials therefore need their own ``pair_coeff``
+(a test in LAMMPS measures both). The JKR law has the same constants (`granular_lmp.crystal.adhesion_laws`). All
+materials of a crystal have the same law.
 
 `Contacts` uses SI units; lengths of the crystal are in radii of its first material.
 """
@@ -34,15 +34,16 @@ __all__ = ["Contacts", "find_contacts"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-# Tolerance between the overlaps of the positions and those of a declared force: a share of them, and rounding, in radii
+# Tolerances between overlaps from positions and overlaps from a declared force: relative, and for rounding, in radii
 SAME_OVERLAP = 1e-3
 ROUNDING = 1e-9
-FACTORS = "factors"  # in `ase.Atoms.info`, (M, M + 1, 2): for normal and shear forces by pair of materials, walls last
+# Key in `ase.Atoms.info` of the factors of normal and shear forces, (M, M + 1, 2), by pair of materials, walls last
+FACTORS = "factors"
 
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Contacts of N spheres at rest, each once, and the spheres themselves; in SI units.
+    """Contacts of N spheres at rest, each listed once, and the spheres themselves; in SI units.
 
     Attributes
     ----------
@@ -50,7 +51,7 @@ class Contacts:
         The two spheres of each contact; i = j if a sphere touches its own periodic image, j = −1 if i touches a rigid
         wall at rest.
     vector : (C, 3) array
-        Vector from the centre of i to that of j across periodic faces, or to the foot point on the wall, m.
+        Vector from the centre of i to the centre of j across periodic faces, or to the foot point on the wall, m.
     overlap : (C,) array
         Overlap δ, m.
     normal_stiffness, shear_stiffness : (C,) arrays
@@ -80,13 +81,13 @@ class Contacts:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            getattr(self, field.name).setflags(write=False)  # callers share one cached record
+            getattr(self, field.name).setflags(write=False)  # because callers share one cached record
 
     def __len__(self) -> int:
         return len(self.i)
 
     def parts(self) -> "Iterator[Contacts]":
-        """Yield the contacts in parts, in order, each part with all spheres."""
+        """Yield the contacts in successive parts; each part has all spheres."""
         per_contact = [each.name for each in fields(self) if each.name not in ("radius", "mass")]
         for block in blocks(len(self)):
             yield replace(self, **{name: getattr(self, name)[block] for name in per_contact})
@@ -112,7 +113,7 @@ class Contacts:
 
         For contacts in a plane z = const t1 = ẑ × n, the normal turned by +90° in that plane.
         """
-        upright = np.abs(self.normals[:, 2:]) > 0.9  # ẑ × n would be lost to rounding
+        upright = np.abs(self.normals[:, 2:]) > 0.9  # where ẑ × n would lose digits
         first = np.cross(np.where(upright, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]), self.normals)
         first /= np.linalg.norm(first, axis=1)[:, None]
         return np.stack([first, np.cross(self.normals, first)], axis=1)
@@ -138,19 +139,19 @@ class Contacts:
 def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force: float | None = None) -> Contacts:
     """Find the contacts of a crystal at rest, with any cell, basis, radii and materials, periodic or not.
 
-    Contacts are found between spheres that overlap. Places do not show JKR contacts that are stretched beyond overlap
-    0; for a relaxed crystal they are in `granular_lmp.crystal.equilibrium.Equilibrium.contacts`.
+    Spheres that overlap are in contact. JKR contacts that are stretched beyond overlap 0 cannot be found from
+    positions; for a relaxed crystal they are in `granular_lmp.crystal.equilibrium.Equilibrium.contacts`.
 
     Parameters
     ----------
     crystal : ase.Atoms
         Positions and the array ``radius`` in radii of the first material. Optional arrays: ``material``, the index
-        into `materials` (0), and ``density``, kg/m³ (that of the material).
+        into `materials` (default 0), and ``density``, kg/m³ (default: of the material).
     materials : sequence of Sphere
         Moduli, work of adhesion and density of each material; the radius of the first is the unit of length.
     contact_force : float, optional
-        Force f_N of every contact, N, if it is equal for all, as in a perfect lattice. The force then gives the
-        overlaps to the last digit, while the positions, which hold 12 digits of an overlap, only determine the pairs.
+        Force f_N of every contact, N, if all are equal, as in a perfect lattice. The overlaps then follow from the
+        force to the last digit, and the positions, which resolve an overlap to 12 digits, only determine the pairs.
 
     Returns
     -------
@@ -193,7 +194,7 @@ def contacts_between(
     Raises
     ------
     ValueError
-        When the overlaps are others than `contact_force` makes.
+        If the overlaps differ from those of `contact_force`, or two materials have different adhesion laws or factors.
     """
     law = law_between(crystal, materials, i, j)
     if contact_force is None:
@@ -223,7 +224,7 @@ def law_between(crystal: ase.Atoms, materials: Sequence[Sphere], i: Integers, j:
     Raises
     ------
     ValueError
-        If two materials have other adhesion laws, or other factors.
+        If two materials have different adhesion laws or different factors.
     """
     first = materials[0]
     for name in ("adhesion_law", "factors"):
@@ -241,7 +242,7 @@ def law_between(crystal: ase.Atoms, materials: Sequence[Sphere], i: Integers, j:
 def times_factors(law: AdhesionLaw, crystal: ase.Atoms, i: Integers, j: Integers | int) -> AdhesionLaw:
     """Return the law of contacts, scaled by the factors of their materials (`granular_lmp.crystal.stiffnesses`).
 
-    `j` is −1 for walls. A crystal without factors keeps its law.
+    `j` is −1 for walls. Without factors the law is unchanged.
     """
     factors, material = crystal.info.get(FACTORS), _material(crystal)
     if factors is None:
@@ -251,9 +252,9 @@ def times_factors(law: AdhesionLaw, crystal: ase.Atoms, i: Integers, j: Integers
 
 
 def equivalent(one: Sphere, other: Sphere) -> Sphere:
-    """Return the sphere whose contact with an equal one has E*, G* and w of the contact between two materials.
+    """Return the sphere whose contact with an equal sphere has E*, G* and w of the contact between two materials.
 
-    E = 2(1−ν²)E* and ν = (2−2κ)/(2−κ) with κ = 4G*/E*. Radius, density and factors are of `one`.
+    E = 2(1−ν²)E* and ν = (2−2κ)/(2−κ) with κ = 4G*/E*. Radius, density and factors are those of `one`.
     """
     if one == other:
         return one
@@ -279,7 +280,7 @@ def _each(materials: Sequence[Sphere], material: Integers, name: str) -> Floats:
 
 
 def _mixed(materials: Sequence[Sphere], one: Integers, other: Integers) -> tuple[Floats, Floats, Floats]:
-    """Return E*, G* and w of pairs of materials, each (C,), or (1,) of a single material."""
+    """Return E*, G* and w for pairs of materials, each (C,), or (1,) if there is a single material."""
     of_kinds = _of_pairs(materials, *np.indices((len(materials),) * 2).reshape(2, -1))
     if len(materials) == 1:
         return of_kinds
@@ -288,7 +289,7 @@ def _mixed(materials: Sequence[Sphere], one: Integers, other: Integers) -> tuple
 
 
 def _of_pairs(materials: Sequence[Sphere], one: Integers, other: Integers) -> tuple[Floats, Floats, Floats]:
-    """Return E*, G* and w of materials one by one, each (C,)."""
+    """Return E*, G* and w, each (C,), between the materials `one` (C,) and `other` (C,), by index."""
     (Ei, Ej), (nui, nuj), (wi, wj) = (
         (_each(materials, one, name), _each(materials, other, name))
         for name in ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
@@ -298,12 +299,12 @@ def _of_pairs(materials: Sequence[Sphere], one: Integers, other: Integers) -> tu
 
 
 def _of_force(overlap: Floats, geometric: Floats, unit: float, contact_force: float) -> Floats:
-    """Return the overlaps that a force makes after comparing them with those of the positions."""
+    """Return the overlaps from a force; ValueError if they differ from the overlaps of the positions."""
     wrong = np.abs(overlap - geometric) > SAME_OVERLAP * overlap + ROUNDING * unit
     if wrong.any():
         first = int(np.argmax(wrong))
         raise ValueError(
-            f"contact_force = {contact_force!r}: makes an overlap of {overlap[first]:.6g} m, but the positions of "
-            f"contact {first} have {geometric[first]:.6g} m; leave it out, or give the force of this crystal"
+            f"contact_force = {contact_force!r}: causes an overlap of {overlap[first]:.6g} m, but the positions of "
+            f"contact {first} have {geometric[first]:.6g} m; leave contact_force out, or give the force of this crystal"
         )
     return overlap

@@ -1,18 +1,18 @@
-"""Creep of a crystal in a running wave: shear springs that wind up, and the steady motion of the spheres that follows.
+"""Creep of a crystal in a running wave: slip that accumulates in the contacts, and the resulting steady motion.
 
-The tangent of a contact turns by δT/ℓ. Where δT is out of phase with the stretch δN, or with the twist Φ·n by which
-both spheres turn the contact, the slip gathers in every period, at the mean rate
+The tangent of a contact turns by δT/ℓ. If δT is out of phase with the stretch δN, or with the twist Φ·n by which both
+spheres turn the contact, slip accumulates in every period, at the mean rate
 
     ds/dt = (ω/2ℓ) Im[δT δN* + n × δT (Φ·n)*],    Φ = φ_i + φ_j,
 
-and pushes the spheres by g s, with the shear stiffness g. The incremental law adds the force −g′(ω/2) Im[δS δN*] a unit
-of time. Contacts follow slowly, so that forces balance, K v + Σ g ds/dt = 0 with the stiffness K of motions that are
-the same in all cells. Of one sphere a cell in the bulk or in the plane shapes are real, and nothing creeps by the
-secant law. On a wall, whose normal does not turn, u_z is 90° off the motion along the wave: a layer rolls away, in
-proportion to time and to a²Δ0/2R.
+and pushes the spheres with the force g s, where g is the shear stiffness. The incremental law adds the force
+−g′(ω/2) Im[δS δN*] per unit of time. The spheres follow slowly, so forces balance: K v + Σ g ds/dt = 0, with the
+stiffness K of motions that are the same in all cells. With one sphere per cell, in the bulk or in the plane, shapes are
+real and there is no creep by the secant law. On a wall, whose normal does not turn, u_z is 90° out of phase with the
+motion along the wave: a layer rolls away, in proportion to time and to a²Δ0/2R.
 
-*Breaks* near a resonance, where the second harmonic creeps too and takes from the wave: by a tenth of the creep over
-many beats of the two, and by more than the creep over one.
+When it breaks: near a resonance, where the second harmonic creeps too and takes energy from the wave. The error is a
+tenth of the creep over many beats of the two waves, and more than the creep over one beat.
 """
 
 from functools import lru_cache
@@ -26,15 +26,15 @@ from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.mode import TURNS, Mode, Physics
 from granular_lmp.crystal.sphere import Sphere
 
-_HELD = 1e-12  # stiffness over the largest one that holds them in a thick film, whose softest motion has 1e-6
-_FREE = 1e-9  # stiffness over the largest one of a motion that no contact resists
+_HELD = 1e-12  # stiffness, over the largest, added against free motions of a thick film; its softest motion has 1e-6
+_FREE = 1e-9  # a motion with a stiffness below this share of the largest is free: no contact resists it
 
 
-@lru_cache(maxsize=64)  # rule, guard and deck of a scene ask for the same
+@lru_cache(maxsize=64)  # the rule, the guard and the deck of a scene ask for the same result
 def creep_velocities(
     contacts: Contacts, sphere: Sphere, mode: Mode, physics: Physics, *, incremental: bool = False
 ) -> NDArray[np.float64]:
-    """Return the velocities (P, 6), of u and φ, at which spheres of a cell creep in a running wave, D0/t0 over D0 in m.
+    """Return the creep velocities (P, 6) of u and φ of the spheres of a cell in a running wave, in D0/t0 per D0 in m.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def creep_velocities(
     k, still = np.array(mode.vector.components) / sphere.lattice_constant, np.zeros(2)
     shape, curving = (mode.shape() / TURNS).ravel(), np.where(contacts.on_wall, 0.0, 1 / contacts.length)
     growth = sphere.contact_law.softening(sphere.static_overlap)[1] / contacts.overlap * incremental
-    normal, sideways, turn = stretch_rows(contacts, k)  # they give −i times δN, δT and δS − δT
+    normal, sideways, turn = stretch_rows(contacts, k)  # rows of −i times δN, δT and δS − δT
     stretch, twist = normal @ shape, twist_rows(contacts, k) @ shape
     one, other = (rows @ shape for rows in sideways)
     normal, moved, turned = stretch_rows(contacts, still)
@@ -74,7 +74,7 @@ def creep_velocities(
         from scipy.sparse.linalg import splu
 
         held = stiffness.tocsr()[moving][:, moving]
-        held = held + _HELD * abs(held).max() * eye_array(len(moving))  # motions that no contact resists
+        held = held + _HELD * abs(held).max() * eye_array(len(moving))  # holds motions that no contact resists
         creeping[moving] = -splu(held.tocsc()).solve(load[moving])
     return np.real(creeping.reshape(-1, 6) * TURNS)
 

@@ -3,10 +3,10 @@
 The functions here leave every sphere at its place in the lattice, where it is no longer at rest;
 `granular_lmp.crystal.equilibrium` relaxes the crystal.
 
-Sphere s has the radius R (1 + σ g_s) with a Gaussian deviate g_s, drawn again where it lies beyond 3; densities have
-separate deviates. The deviates depend only on the seed and the number of spheres: another σ with the same seed scales
-the same deviations, and a larger share of vacancies leaves out the same spheres and more. They come from the legacy
-generator of NumPy, whose streams are frozen, so a seed gives the same crystal with every version of NumPy.
+Sphere s has the radius R (1 + σ g_s) with a Gaussian deviate g_s, which is drawn again if |g_s| > 3. Densities have
+separate deviates. The deviates depend only on the seed and the number of spheres: with the same seed, another σ scales
+the same deviations, and a larger share of vacancies leaves out the same spheres and more. The deviates come from
+NumPy's legacy generator, whose streams are frozen, so a seed gives the same crystal with every version of NumPy.
 """
 
 from collections.abc import Sequence
@@ -28,18 +28,18 @@ __all__ = ["Disorder", "Inclusion", "imperfect"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-BOXES = ("box", "fixed")  # what holds unequal spheres as they come to rest
-WHOLE, AVALANCHES = WAYS = "whole", "avalanches"  # what the steps at the end of their way move at once
-CUT = 3.0  # deviates beyond it are drawn again
+BOXES = ("box", "fixed")  # boxes in which unequal spheres come to rest
+WHOLE, AVALANCHES = WAYS = "whole", "avalanches"  # spheres that each of the last steps to rest moves together
+CUT = 3.0  # larger deviates are drawn again
 _MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
-# Streams of the generator: one for each thing that is drawn, so that none depends on another
+# One stream of the generator for each random quantity, so that the quantities are independent
 _RADIUS, _DENSITY, _VACANCIES, _INCLUSIONS = range(4)
-_STIFFNESS = 2**31  # each inclusion has a stream of its own
-# Largest overlap at the places in the lattice, in radii of the smaller sphere. Beyond it spheres come to rest far from
-# their places, where they have other neighbours.
+_STIFFNESS = 2**31  # beyond the streams of all inclusions, which are numbered from _INCLUSIONS on
+# Largest overlap at the places in the lattice, in radii of the smaller sphere. With a larger overlap, spheres come to
+# rest far from their places, with other neighbours.
 LARGEST_OVERLAP = 0.25
 _SAME_PLACE = 1e-6  # in radii
-# LAMMPS knows a stiffness by pair of types: a deck has a line of 0.3 kB for each pair of materials
+# LAMMPS has one stiffness per pair of types, so a deck has a line of 0.3 kB for each pair of materials
 MOST_MATERIALS = 100
 
 
@@ -50,14 +50,19 @@ class Disorder:
     Attributes
     ----------
     radius, density : float
-        Relative standard deviations σ, in [0, 1/3): no sphere then vanishes. `LARGEST_OVERLAP` limits radii further, to
-        a σ of about 0.04. Good values: radii of microspheres spread by 0.01 to 0.03.
+        Relative standard deviations σ, in [0, 1/3), so that no sphere vanishes. `LARGEST_OVERLAP` limits σ of radii
+        further, to about 0.04. Good values: radii of microspheres spread by 0.01 to 0.03.
     vacancies : float
         Share of the free spheres that are left out, in [0, 1).
     seed : int
         0 to 2^32 − 1.
     stiffness : float
-        Relative standard deviation of the stiffnesses of contacts (`granular_lmp.crystal.stiffnesses`).
+        Relative standard deviation of the contact stiffnesses (`granular_lmp.crystal.stiffnesses`).
+
+    Raises
+    ------
+    CrystalError
+        For a value outside these ranges.
     """
 
     radius: float = 0.0
@@ -83,20 +88,22 @@ class Inclusion:
     Attributes
     ----------
     rows : (first, last)
-        All spheres of these rows and of those between, counted from 0.
+        All spheres in the rows from first to last, counted from 0.
     every : int
         Every n-th of these rows, starting with the first: 2 makes alternating layers of two kinds.
     spheres : sequence of (row, column)
+        Single spheres.
     disc : (row, column, radius)
         All spheres whose places are within this radius, in lattice constants, of the place of a sphere.
     half_plane : (row, column, degrees)
-        All spheres left of a line, or on it. The line runs through the place of a sphere, in this direction from x
-        towards y: 0 takes the rows from this one on. It ends at the sides of a periodic cell.
+        All spheres on a line or left of it. The line runs through the place of a sphere, in this direction from x
+        towards y: with 0 degrees, the half-plane is this row and all rows above. The line ends at the sides of a
+        periodic cell.
     share : float
         Share of the free spheres, in [0, 1], selected at random by the seed of the disorder.
     layers : (first, last)
-        Layers along z, counted from 0, that contain all of these; without other keys, all spheres in them. Single
-        spheres and discs need a layer in a crystal of several layers.
+        Layers along z, counted from 0, to which the selection is restricted; without other keys, all spheres in them.
+        Single spheres and discs need one layer in a crystal of several layers.
     radius, density, youngs_modulus, poisson_ratio, work_of_adhesion : float, optional
         Values that differ, in SI units.
     vacancy : bool
@@ -119,12 +126,12 @@ class Inclusion:
 
     @property
     def whole_rows(self) -> bool:
-        """True if it includes all spheres of a row in a layer, or none."""
+        """True if the inclusion contains either all spheres or no sphere of each row in a layer."""
         return not (self.spheres or self.disc or self.half_plane or self.share)
 
     @property
     def of_material(self) -> dict[str, float]:
-        """Constants of the material that differ."""
+        """Elastic constants and work of adhesion that differ, by name."""
         return {name: getattr(self, name) for name in _MATERIAL if getattr(self, name) is not None}
 
 
@@ -138,7 +145,7 @@ def imperfect(
     table: SphereTable = NO_TABLE,
     recorded: int | None = None,
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
-    """Return a lattice with unequal spheres and empty places, each sphere at its place, and its materials.
+    """Return a lattice with unequal spheres and empty places, with each sphere at its place, and its materials.
 
     Parameters
     ----------
@@ -147,31 +154,33 @@ def imperfect(
     sphere : Sphere
         The spheres of the lattice.
     disorder : Disorder, optional
+        Random differences; by default none.
     inclusions : sequence of Inclusion
-        Later ones win. A radius or a density of an inclusion is the mean from which its spheres deviate.
+        A later inclusion replaces an earlier one. A radius or a density of an inclusion is the mean from which its
+        spheres deviate.
     table : SphereTable, optional
-        Values of single places. Inclusions replace the values that they declare, and random deviations come on top.
+        Values at single places. Inclusions replace the values that they declare; random deviations multiply the result.
     pairs : sequence of Pair
         Measured stiffnesses between two kinds. Spheres of a kind in a pair have a separate material.
     recorded : int, optional
-        Index of a sphere that must be present: no random vacancy is at its place.
+        Index of a sphere that must be present: no vacancy is at its place.
 
     Returns
     -------
     crystal : ase.Atoms
-        With the arrays of the lattice and ``density`` (kg/m³), ``material`` and ``site``, the index in the lattice.
-        Free spheres that vacancies leave without a neighbour are left out too, as nothing would hold them.
-        ``crystal.info["isolated"]`` counts them, ``crystal.info["disorder"]`` holds the spreads and the seed, and
-        ``crystal.info["factors"]`` the factors of contacts, if pairs, a table or a spread of stiffnesses need them.
+        Has the arrays of the lattice, and ``density`` (kg/m³), ``material`` and ``site``, the index in the lattice.
+        Free spheres that vacancies leave without a neighbour are left out too, because nothing would hold them.
+        ``crystal.info["isolated"]`` is their number, ``crystal.info["disorder"]`` has the spreads and the seed, and
+        ``crystal.info["factors"]`` has the factors of contacts, if pairs, a table or a spread of stiffnesses need them.
     materials : tuple of Sphere
-        By index, the sphere of the lattice first.
+        Materials by index; the first is the sphere of the lattice.
 
     Raises
     ------
     CrystalError
         If an inclusion names a place outside the lattice, or changes nothing; if a share is less than half a sphere; if
-        a held sphere, the recorded sphere or every free sphere is left out; if two spheres have one place, or overlap
-        by more than `LARGEST_OVERLAP`.
+        a held sphere, the recorded sphere or every free sphere is left out; if two spheres have the same place, or
+        overlap by more than `LARGEST_OVERLAP`; if there are more than `MOST_MATERIALS` materials.
     """
     disorder = disorder or Disorder()
     held = np.asarray(lattice.arrays["fixed"], dtype=bool)
@@ -209,11 +218,11 @@ def imperfect(
     isolated = ~missing & ~held & _alone(lattice, missing) if missing.any() else np.zeros_like(missing)
     if (missing | isolated | held).all() and missing.any():
         raise CrystalError(
-            f"disorder.vacancies = {disorder.vacancies!r}: with the inclusions no free sphere keeps a neighbour; leave "
-            "out fewer"
+            f"disorder.vacancies = {disorder.vacancies!r}: together with the inclusions, no free sphere keeps a "
+            "neighbour; leave out fewer spheres"
         )
     crystal = crystal[~(missing | isolated)]
-    # Later inclusions may leave no sphere of an earlier one's material, and a share may draw none
+    # Drop unused materials: later inclusions may replace all spheres of an earlier one
     used, place = np.unique(np.append(0, crystal.arrays["material"]), return_inverse=True)
     crystal.arrays["material"] = place[1:]
     crystal.info |= {"disorder": asdict(disorder), "isolated": int(isolated.sum())}
@@ -250,7 +259,7 @@ def _refuse_many(table: SphereTable, levels: int, kinds: int, disorder: Disorder
 
 
 def _check(inclusion: Inclusion, number: int) -> None:
-    """Raise a CrystalError unless an inclusion says which spheres differ, and how."""
+    """Raise a CrystalError unless an inclusion states which spheres differ and how."""
     name = f"inclusion {number + 1}"
     if not 0 <= inclusion.share <= 1:
         raise CrystalError(f"{name}: share = {inclusion.share!r}: must be from 0 to 1")
@@ -258,7 +267,7 @@ def _check(inclusion: Inclusion, number: int) -> None:
     given = sum((*(len(each) > 0 for each in places), inclusion.share > 0))
     if given > 1 or not given and not len(inclusion.layers):
         raise CrystalError(
-            f"{name}: give one of rows, spheres, disc, half_plane and share, or layers, to say which spheres differ"
+            f"{name}: give one of rows, spheres, disc, half_plane and share, or layers, to select the spheres"
         )
     if inclusion.every < 1 or inclusion.every > 1 and not inclusion.rows:
         raise CrystalError(f"{name}: every = {inclusion.every!r}: must be 1 or more, and 1 without rows")
@@ -267,7 +276,7 @@ def _check(inclusion: Inclusion, number: int) -> None:
     }
     if bool(changes) == inclusion.vacancy:
         allowed = f"radius, density, {', '.join(_MATERIAL)}"
-        raise CrystalError(f"{name}: give either vacancy or what differs: {allowed}")
+        raise CrystalError(f"{name}: give either vacancy or the values that differ: {allowed}")
     for key, value in changes.items():
         low, high = (-1.0, 0.5) if key == "poisson_ratio" else (0.0, np.inf)
         inside = low <= value < high if key == "work_of_adhesion" else low < value <= high and value < np.inf
@@ -276,7 +285,7 @@ def _check(inclusion: Inclusion, number: int) -> None:
 
 
 def chosen_of(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) -> Integers:
-    """Return the indices of the spheres of an inclusion, the `number`-th of its scene from 0, in a lattice."""
+    """Return the indices of the spheres of an inclusion in a lattice; `number` counts inclusions of a scene from 0."""
     within = _of_layers(lattice, inclusion, number)
     if inclusion.share:
         free = within & ~np.asarray(lattice.arrays["fixed"], dtype=bool)
@@ -291,8 +300,8 @@ def chosen_of(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) 
     index = dict(zip(zip(row[own].tolist(), column[own].tolist(), strict=True), own.tolist(), strict=True))
     if len(index) < len(own) and not inclusion.half_plane:
         raise CrystalError(
-            f"inclusion {number + 1}: layers = {list(inclusion.layers)}: must be one, [layer, layer], where a row and "
-            "a column are a sphere in each of several layers"
+            f"inclusion {number + 1}: layers = {list(inclusion.layers)}: must be a single layer, [layer, layer], as "
+            "each of several layers has a sphere at this row and column"
         )
     named: Sequence[Sequence[float]] = inclusion.spheres or [(inclusion.disc or inclusion.half_plane)[:2]]
     for at_row, at_column in named:
@@ -313,7 +322,7 @@ def chosen_of(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) 
 
 
 def _of_layers(lattice: ase.Atoms, inclusion: Inclusion, number: int) -> NDArray[np.bool_]:
-    """Return which spheres are in the layers of an inclusion, (N,); all where it names none."""
+    """Return which spheres are in the layers of an inclusion, (N,); all spheres if it has no layers."""
     layer = lattice.arrays.get("layer", np.zeros(len(lattice), dtype=int))
     if not len(inclusion.layers):
         return np.ones(len(lattice), dtype=bool)
@@ -321,7 +330,7 @@ def _of_layers(lattice: ase.Atoms, inclusion: Inclusion, number: int) -> NDArray
 
 
 def _in_range(numbers: Integers, ends: Sequence[int], key: str) -> NDArray[np.bool_]:
-    """Return which numbers are from the first to the last of `ends`; raise CrystalError if there are no such."""
+    """Return which numbers lie between `ends`, inclusive; CrystalError if the ends are not a range of these numbers."""
     first, last = ends
     if not 0 <= first <= last <= numbers.max():
         raise CrystalError(f"{key} = [{first}, {last}]: must be [first, last], from 0 to {numbers.max()}")
@@ -329,12 +338,12 @@ def _in_range(numbers: Integers, ends: Sequence[int], key: str) -> NDArray[np.bo
 
 
 def _stream(seed: int, stream: int) -> "np.random.RandomState":
-    """Return a generator whose numbers stay the same in every version of NumPy."""
-    return np.random.RandomState([seed, stream])  # the streams of Generator may change
+    """Return a generator with the same numbers in every version of NumPy."""
+    return np.random.RandomState([seed, stream])  # because the streams of Generator may change
 
 
 def _spread(count: int, deviation: float, seed: int, stream: int) -> Floats | float:
-    """Return numbers of mean 1 with a Gaussian deviation, those beyond `CUT` times it drawn again, (N,)."""
+    """Return numbers (N,) of mean 1 with a Gaussian deviation; deviates beyond `CUT` are drawn again."""
     if not deviation:
         return 1.0
     random = _stream(seed, stream)
@@ -345,20 +354,20 @@ def _spread(count: int, deviation: float, seed: int, stream: int) -> Floats | fl
 
 
 def _drawn(free: NDArray[np.bool_], share: float, seed: int, stream: int, name: str) -> Integers:
-    """Return a share of the free spheres; a larger share holds those of a smaller one."""
+    """Return a random share of the free spheres; a larger share contains the spheres of a smaller share."""
     if not share:
         return np.empty(0, dtype=int)
     order = _stream(seed, stream).permutation(np.flatnonzero(free))
     count = round(share * len(order))
     if not count:
         raise CrystalError(
-            f"{name} = {share!r}: is less than one of {len(order)} free spheres; must be 0, or one at least"
+            f"{name} = {share!r}: is less than one of {len(order)} free spheres; must be 0, or at least one sphere"
         )
     return order[:count]
 
 
 def _alone(lattice: ase.Atoms, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which spheres have no neighbour in the lattice that is there."""
+    """Return which spheres have only missing neighbours in the lattice."""
     i, j, _ = overlapping(lattice)
     there = ~missing[i] & ~missing[j]
     neighbours = np.bincount(i[there], minlength=len(missing)) + np.bincount(j[there], minlength=len(missing))
@@ -366,7 +375,7 @@ def _alone(lattice: ase.Atoms, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def require_places(crystal: ase.Atoms) -> None:
-    """Raise a CrystalError when two spheres are in one place, or overlap by more than `LARGEST_OVERLAP`."""
+    """Raise a CrystalError if two spheres have the same place, or overlap by more than `LARGEST_OVERLAP`."""
     i, j, vector = overlapping(crystal)
     radius = crystal.arrays["radius"]
     distance = np.linalg.norm(vector, axis=1)
@@ -375,9 +384,9 @@ def require_places(crystal: ase.Atoms) -> None:
         return
     nearest, worst = int(np.argmin(distance)), int(np.argmax(overlap))
     if distance[nearest] < _SAME_PLACE:
-        raise CrystalError(f"spheres {i[nearest]} and {j[nearest]}: are in one place; leave one of them out")
+        raise CrystalError(f"spheres {i[nearest]} and {j[nearest]}: have the same place; leave one of them out")
     if overlap[worst] > LARGEST_OVERLAP:
         raise CrystalError(
-            f"spheres {i[worst]} and {j[worst]}: overlap by {overlap[worst]:.3g} radii at their places in the lattice, "
-            f"and at most {LARGEST_OVERLAP} is allowed; let radii differ less"
+            f"spheres {i[worst]} and {j[worst]}: overlap by {overlap[worst]:.3g} radii at their places in the lattice; "
+            f"allowed are at most {LARGEST_OVERLAP}; let radii differ less"
         )

@@ -1,16 +1,16 @@
 """Relaxation of a crystal: spheres released at their places in a lattice move until all forces balance.
 
-With adhesion the rest depends on the way to it: two spheres that have separated do not come together again, and all
-forces can balance in many arrangements of open and closed contacts. So the way is part of the definition of the
-crystal:
+With adhesion the rest depends on the path to it: two spheres that have separated do not come together again, and all
+forces can balance in many arrangements of open and closed contacts. The path is therefore part of the definition of
+the crystal:
 
 1. *Let go.* The spheres start at rest at their places in the lattice and move against a drag. In units of the contact
    between two spheres of the first material every sphere has mass 1 and drag coefficient 1, which damps nearly
-   critically. The box is heavy, with an inertia of 100 N (2R)², and damped so that it does not oscillate: it changes
+   critically. The box is heavy, with an inertia of 100 N (2R)², and is damped so that it does not oscillate: it changes
    slowly compared with the spheres, in a crystal of any size.
 2. *Balance.* Once the root mean square force is small, damped Newton steps, each of which lowers the energy, lead to
    the rest. Alternatively the spheres around each contact that opens are let go again: large crystals then take a fifth
-   to a third of the time, and get other contacts (`granular_lmp.crystal.balance`).
+   to a third of the time, and get different contacts (`granular_lmp.crystal.balance`).
 
 LAMMPS is not faster. For 1e4 spheres with s = 2 and 4 its damped motion (``nve``, ``viscous`` and ``press/berendsen``)
 with the necessary Newton steps takes 6.4 and 8.5 s of processor time, the method above 4.7 and 8.5 s, and 4 and 9 % of
@@ -22,15 +22,15 @@ shear springs that slide at the Coulomb limit (`granular_lmp.crystal.friction`),
 places. The springs are removed in between because LAMMPS starts every contact without shear, so places where springs
 carry a part of the load would not be at rest. The final rest has no torques, since no contact has shear.
 
-A crystal that was compressed, dried or shaken before has other contacts. To start from a compressed crystal, pass one
-whose places and cell are scaled by less than 1; to start from the rest in a fixed box, pass the ``crystal`` of that
-rest. The case "disorder" compares them.
+A crystal that was compressed, dried or shaken before has different contacts. To start from a compressed crystal, pass a
+crystal whose places and cell are scaled by less than 1; to start from the rest in a fixed box, pass the ``crystal`` of
+that rest. The case "disorder" compares them.
 
-A crystal is the same to the last bit on one machine. Between machines rounding can decide which of two contacts opens
-first: of twelve crystals of 1020 spheres with s from 0.8 to 12, one with s = 12 got other contacts with OpenBLAS
-kernels for another processor. In the others, spheres with two or more contacts agreed to 4e-8 Δ0; spheres with a single
-contact, which roll without force, to 2e-5 Δ0. Twelve crystals with other seeds all kept their contacts, and one with s
-= 12 had places 4e-7 Δ0 apart.
+On one machine a crystal is reproducible to the last bit. Between machines rounding can decide which of two contacts
+opens first: of twelve crystals of 1020 spheres with s from 0.8 to 12, one with s = 12 got different contacts with
+OpenBLAS kernels for another processor. In the other crystals, spheres with two or more contacts agreed to 4e-8 Δ0;
+spheres with a single contact, which roll without force, agreed to 2e-5 Δ0. Twelve crystals with other seeds all kept
+their contacts, and the places in one with s = 12 differed by 4e-7 Δ0.
 """
 
 from collections.abc import Sequence
@@ -58,31 +58,31 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """A crystal at rest.
+    """Crystal at rest.
 
     Attributes
     ----------
     lattice : ase.Atoms
-        The spheres at their places in the lattice, lengths in radii of the first material; its ``info`` says from which
-        disorder and seed.
+        Spheres at their places X in the lattice, lengths in radii of the first material; its ``info`` has the disorder
+        and the seed.
     displacement : (N, 3) array
-        u from these places, radii, to full precision; a sphere is at rest at (1 + e)(X + u).
+        Displacement u from these places, radii, to full precision; a sphere is at rest at (1 + e)(X + u).
     strain : (3,) array
-        e of the box; 0 along axes on which it does not breathe.
+        Strain e of the box; 0 along axes along which the box keeps its length.
     contacts : Contacts
-        With overlaps to 12 digits, also where the positions have fewer; those with walls last.
+        Contacts with overlaps to 12 digits, even if the positions have fewer; contacts with walls come last.
     box_load : (2,) array, in space (3,)
-        Σ f d_a²/|d|, N m: the load that the contacts bear; over the length of the box, the force on its faces.
+        Σ f d_a²/|d|, N m: the load that the contacts bear; divided by the length of the box, the force on its faces.
     residual : float
-        The largest force on a free sphere, in k1 Δ0 of the first material.
+        Largest force on a free sphere, in k1 Δ0 of the first material.
     rattlers : int
-        Free spheres without any contact, which stay where they are.
+        Number of free spheres without any contact, which stay where they are.
     lifted : int
-        Free spheres that touched a wall at their places, and do not at rest.
+        Number of free spheres that touched a wall at their places, but not at rest.
     steps : int
-        Newton steps, or those by avalanches.
+        Number of Newton steps, or of steps by avalanches.
     protocol : str
-        How the rest was reached, in words.
+        Description of the relaxation.
     """
 
     lattice: ase.Atoms
@@ -98,19 +98,19 @@ class Equilibrium:
 
     @property
     def crystal(self) -> ase.Atoms:
-        """The crystal at rest, positions rounded to those of double precision."""
+        """The crystal at rest, with positions rounded to double precision."""
         return displaced(self.lattice, self.displacement, self.strain)
 
     @property
     def contacts_per_sphere(self) -> float:
-        """Z, mean over all spheres; a wall is one contact of its sphere."""
+        """Mean number Z of contacts per sphere; a contact with a wall counts for its sphere."""
         return float(self.contacts.per_sphere.sum() / len(self.lattice))
 
     def summary(self) -> dict[str, Any]:
-        """Return what tells this rest from another one, as plain numbers and words.
+        """Return the properties that identify this rest, as plain numbers and text.
 
-        ``disorder`` (spreads and seed) and ``isolated`` are those of `granular_lmp.crystal.disorder.imperfect`, and
-        None for a crystal that was not made there; ``residual`` is in k1 Δ0, ``box`` in radii, ``box_load`` in N m.
+        ``disorder`` (spreads and seed) and ``isolated`` come from `granular_lmp.crystal.disorder.imperfect`, and are
+        None for other crystals; ``residual`` is in k1 Δ0, ``box`` in radii, ``box_load`` in N m.
         """
         info, axes = self.lattice.info, len(self.box_load)
         return {
@@ -147,27 +147,26 @@ def relax(
     crystal : ase.Atoms
         Spheres in a rectangular cell, as `granular_lmp.crystal.disorder.imperfect` makes them; a sheet, or in space.
     materials : sequence of Sphere
-        By index. The contact force of the first is that of its lattice.
+        Materials by index. The contact force of the first is the contact force in the lattice.
     box : "box" or "fixed"
         Whether the box changes its size, along periodic axes and between held spheres, or is fixed.
     load : (2,) or (3,) array, optional
-        Load T on the box, N m (`granular_lmp.crystal.potential.box_load`); needed if the lattice is compressed and the
-        box changes its size, else 0.
+        Load T on the box, N m (`granular_lmp.crystal.potential.box_load`). It is required if the lattice is compressed
+        and the box changes its size; otherwise the default is 0.
     friction : float
         Coefficient μ ≥ 0 of Coulomb friction in a first relaxation with the shear springs of
         `granular_lmp.crystal.friction`; 0 omits it. The springs are removed before the final rest, as LAMMPS starts
         every contact without shear: friction changes which contacts exist, but no force law at rest.
     by : "whole" or "avalanches"
-        Whether the rest is reached by Newton steps of the whole crystal, or by letting the spheres of each avalanche
-        go.
+        Rule for the last steps: Newton steps of the whole crystal, or steps that release the spheres of each avalanche.
     faces : sequence of Face, optional
-        Walls beside the crystal. Spheres that touch a wall at their places start in touch with it, whatever their
-        radius: those of a layer lie on their substrate.
+        Walls beside the crystal. Spheres that touch a wall at their places start in contact with the wall for any
+        radius: the spheres of a layer lie on their substrate.
     space : bool
         True if spheres may leave the plane.
     progress : callable, optional
-        Called with the stage ("let go with friction", "let go" or "balance"), the steps done, the largest force in
-        k1 Δ0, without that of shear springs, and the energy in k1 Δ0².
+        Called with the stage ("let go with friction", "let go" or "balance"), the number of steps, the largest force in
+        k1 Δ0, without forces of shear springs, and the energy in k1 Δ0².
 
     Raises
     ------
@@ -177,10 +176,10 @@ def relax(
 
     Notes
     -----
-    A crystal at rest, such as a perfect lattice, is returned unchanged. Good values: spreads of 2R up to a few Δ0.
-    Beyond, contacts open and form in long sequences, which take hundreds of Newton steps, and from about 40 Δ0 on the
-    stored energy throws spheres apart: crystals then depend strongly on the seed. Compressed spheres without friction
-    flow into vacancies unless adhesion holds them.
+    A crystal at rest, such as a perfect lattice, is returned unchanged. Good values: spreads of 2R up to a few Δ0. With
+    larger spreads contacts open and form in long sequences, which take hundreds of Newton steps. From about 40 Δ0 on
+    the stored energy throws spheres apart, and crystals depend strongly on the seed. Compressed spheres without
+    friction flow into vacancies unless adhesion holds them.
     """
     if box not in BOXES:
         raise CrystalError(f"packing.relax = {box!r}: must be one of {', '.join(BOXES)}")
@@ -189,7 +188,7 @@ def relax(
     require_places(crystal)
     breathes = box == "box"
     if load is None and breathes and materials[0].contact_force:
-        raise CrystalError(f"contact_force = {materials[0].contact_force!r}: give the load on the box that makes it")
+        raise CrystalError(f"contact_force = {materials[0].contact_force!r}: give the load on the box that causes it")
     if friction and (space or faces):
         raise CrystalError(f"friction = {friction!r}: must be 0 in space and beside walls, where spheres roll freely")
     load = np.zeros(3 if space else 2) if load is None else load
@@ -206,7 +205,7 @@ def relax(
 
 
 def _record(potential: Potential, state: State, steps: int, protocol: str) -> Equilibrium:
-    """Return the record of a crystal at rest, in its units."""
+    """Return the record of a crystal at rest, in the units of `Equilibrium`."""
     pairs, unit, length, crystal = state.pairs, potential.unit, potential.materials[0].static_overlap, potential.crystal
     touching = pairs.law.closed(state.overlap)
     between = touching[: pairs.between]

@@ -1,26 +1,26 @@
-"""Linear steps of a crystal towards rest: conjugate gradients with factors of its stiffness, old and mended.
+"""Linear steps of a crystal towards rest: conjugate gradients preconditioned with factors of an earlier stiffness.
 
-**In the plane** factors are those of sparse matrices in the order of a nested dissection (George, SIAM J. Numer. Anal.
-10, 345 (1973)): the crystal is cut in two at the median of its longer side, the spheres on one side of the cut that
-have a neighbour on the other are numbered last, and both halves are cut in the same way. Factors then have O(N log N)
-entries. The orderings that SciPy offers know no geometry: minimum degree takes minutes for 1e5 spheres once some per
-cent of their contacts are open.
+**In the plane** the factors are sparse, in the order of a nested dissection (George, SIAM J. Numer. Anal. 10, 345
+(1973)): the crystal is cut in two at the median of its longer side, the spheres on one side of the cut that have a
+neighbour on the other side are numbered last, and both halves are cut in the same way. Factors then have O(N log N)
+entries. SciPy's orderings do not use the geometry: minimum degree takes minutes for 1e5 spheres once some per cent of
+their contacts are open.
 
-**In space** they would have O(N^{4/3}) entries, and 1e4 spheres of fcc would take ten times as long as with the blocks
-of single spheres on the diagonal. Doubled, these are above the stiffness of any network of springs, as
-2 Σ k (u_i² + u_j²) ≥ Σ k (u_j − u_i)², and conjugate gradients converge with them in a hundred steps or so.
+**In space** sparse factors would have O(N^{4/3}) entries, and 1e4 spheres of fcc would take ten times as long as with
+the diagonal blocks of single spheres. Doubled, these blocks exceed the stiffness of any network of springs, because
+2 Σ k (u_i² + u_j²) ≥ Σ k (u_j − u_i)², and conjugate gradients converge with them in about a hundred steps.
 
-**Mended.** Where contacts have parted or formed since the factors G were made, the spheres of such contacts and their
-neighbours within `_RINGS` make up patches, up to a third of a large crystal. The tangent A of now is solved exactly in
-the patches, by L, and nearly everywhere by G. Conjugate gradients that start at L f leave no force in any patch, and
-with the preconditioner
+**Mended factors.** The spheres of contacts that have parted or formed since the factors G were made, and their
+neighbours within `_RINGS`, make up patches, up to a third of a large crystal. L solves the present tangent A exactly in
+the patches, and G solves it approximately everywhere. Conjugate gradients that start at L f leave no force in any
+patch, and with the preconditioner
 
     M = (1 − L A) G
 
-none appears there later: this is deflation (Nicolaides, SIAM J. Numer. Anal. 24, 355 (1987)). What is left is how the
-rest of the crystal yields, which changes little, and three iterations find it where old factors alone take 25. In 1e5
-spheres with s = 2 the first factors then last until the last contact has parted. Patches are factorised anew in each
-step, in double precision: a crystal hardly hangs on how factors are rounded.
+no force appears there later: this is deflation (Nicolaides, SIAM J. Numer. Anal. 24, 355 (1987)). The remaining unknown
+is how the rest of the crystal yields. This changes little, and three iterations find it, where old factors alone take
+25. In 1e5 spheres with s = 2 the first factors then last until the last contact has parted. Patches are factorised
+again in each step, in double precision, so a crystal hardly depends on the rounding of factors.
 """
 
 from collections.abc import Callable
@@ -36,18 +36,18 @@ from granular_lmp.crystal.tangent import Tangent
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Solve = Callable[[Floats], Floats]
-_ITERATIONS, _BLOCKWISE = 30, 400  # Most iterations of conjugate gradients, with old factors and with blocks
-_LEAF = 8  # spheres in a part that is not cut any more
-_SOFTEST = 1e-3  # k1: a sphere that hardly anything holds in a direction is held there as much by its block
-# k1: the diagonal of the tangent changes by more where a contact parts or forms; good values: 0.1 to 0.3
+_ITERATIONS, _BLOCKWISE = 30, 400  # largest number of conjugate-gradient iterations with old factors and with blocks
+_LEAF = 8  # number of spheres in a part that is not cut further
+_SOFTEST = 1e-3  # k1: least stiffness of a block, for directions in which hardly anything holds a sphere
+# k1: where the diagonal of the tangent changes by more, a contact has parted or formed; good values: 0.1 to 0.3
 _CHANGED = 0.3
-_RINGS = 4  # How far the neighbours in a patch are; good values: 3 to 6
+_RINGS = 4  # rings of neighbours in a patch; good values: 3 to 6
 
 
 class Factors:
-    """The inverse of a `Tangent`: the strains, which couple to every sphere, are eliminated last.
+    """Inverse of a `Tangent`: the strains, which couple to every sphere, are eliminated last.
 
-    Without an order it is that of a stiffer one, by the blocks of single spheres.
+    Without an order it is the inverse of a stiffer tangent, from the blocks of single spheres.
     """
 
     def __init__(self, tangent: Tangent, order: Integers | None) -> None:
@@ -58,11 +58,11 @@ class Factors:
         self._schur = tangent.by_e - tangent.by_both.T @ self._answer
         self._schur += np.diag(tangent.added * tangent.mass[-tangent.axes :])
         self._diagonal = tangent.diagonal
-        # Rows of the patches, these rows of A by u and by e, and L
+        # Rows of the patches, the blocks of A by u and by e in these rows, and L
         self._patches: tuple[Integers, Any, Floats, Solve] | None = None
 
     def mended(self, tangent: Tangent) -> "Factors":
-        """Return the factors mended for a tangent, or as they are where no contact changed or a patch would buckle."""
+        """Return the factors mended for a tangent; unchanged if no contact changed or a patch would buckle."""
         inside = self._changed(tangent)
         if self._order is None or not inside.any():
             return self
@@ -70,7 +70,7 @@ class Factors:
         part = tangent.with_added()[rows]
         factors = _factors_of(part[:, rows])
         if (factors.U.diagonal() <= 0).any():
-            return self  # conjugate gradients find the direction in which it would buckle
+            return self  # conjugate gradients find the direction in which the patch would buckle
         mended = copy(self)
         mended._patches = rows, part, tangent.by_both[rows], factors.solve
         return mended
@@ -85,7 +85,7 @@ class Factors:
         return inside
 
     def start(self, force: Floats) -> Floats:
-        """Return where conjugate gradients start: L f."""
+        """Return the start of conjugate gradients: L f."""
         x = np.zeros_like(force)
         if self._patches:
             rows, _, _, solve = self._patches
@@ -93,7 +93,7 @@ class Factors:
         return x
 
     def __call__(self, force: Floats) -> Floats:
-        """Return L f, near the displacements that balance a force."""
+        """Return M f, approximately the displacements that balance a force f; without patches M is G."""
         axes = self._tangent.axes
         u = self._solve(force[:-axes])
         e = np.linalg.solve(self._schur, force[-axes:] - self._tangent.by_both.T @ u)
@@ -107,10 +107,11 @@ class Factors:
 def conjugate_gradients(
     tangent: Tangent, factors: Factors, force: Floats, share: float
 ) -> tuple[Floats, int, Floats | None]:
-    """Return the x with tangent x = force, to a share of it, the iterations, and where the tangent is not convex.
+    """Return an approximate solution x of tangent x = force, the number of iterations, and an unstable direction.
 
-    That is a direction along which forces push away from rest, after which x goes no further, or None. Both the force
-    left and the energy in it count: the force alone passes over soft places, the energy over stiff ones.
+    share is the share of the force that may be left. The unstable direction is one along which the tangent is not
+    convex, so that forces push away from rest; x then stops there. It is None in a convex tangent. The criterion uses
+    both the remaining force and its energy: the force alone misses soft regions, the energy alone misses stiff ones.
     """
     x = factors.start(force)
     left = force - tangent @ x
@@ -122,7 +123,7 @@ def conjugate_gradients(
         product = tangent @ direction
         curvature = float(direction @ product)
         if energy < 0:
-            return x, factors.iterations, direction  # factors of an unstable crystal, of no use for long
+            return x, factors.iterations, direction  # the factors are those of an unstable crystal: replace them
         if curvature <= 0:
             return x, iteration, direction
         x += energy / curvature * direction
@@ -137,7 +138,7 @@ def conjugate_gradients(
 
 
 def order_of(potential: Potential, state: State) -> Integers | None:
-    """Return the order of all bodies in which factors stay sparse; None in space. Walls couple to no sphere."""
+    """Return an order of all bodies in which factors stay sparse; None in space. Walls couple to no sphere."""
     if potential.axes == 3:
         return None
     places, pairs = np.zeros((len(potential.free), potential.axes)), state.pairs
@@ -150,7 +151,7 @@ def dissection(positions: Floats, i: Integers, j: Integers) -> Integers:
     count = len(positions)
     levels = max(0, int(np.ceil(np.log2(count / _LEAF))))
     part, key = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-    inside = np.ones(count, dtype=bool)  # not yet in a cut
+    inside = np.ones(count, dtype=bool)  # spheres that are not yet in a cut
     for _ in range(levels):
         side = _upper_half(positions, part)
         across = inside[i] & inside[j] & (part[i] == part[j]) & (side[i] != side[j])
@@ -163,7 +164,7 @@ def dissection(positions: Floats, i: Integers, j: Integers) -> Integers:
 
 
 def _upper_half(positions: Floats, part: Integers) -> NDArray[np.bool_]:
-    """Return which spheres are in the upper half of their part, cut across its longest side."""
+    """Return which spheres are in the upper half of their part, which is cut across its longest side."""
     _, part, count = np.unique(part, return_inverse=True, return_counts=True)
     start = np.cumsum(count) - count
     grouped = positions[np.argsort(part, kind="stable")]
@@ -175,19 +176,19 @@ def _upper_half(positions: Floats, part: Integers) -> NDArray[np.bool_]:
 
 
 def _rows_of(spheres: Integers, freedoms: int) -> Integers:
-    """Return the rows of spheres with some freedoms each in the matrix of all of them."""
+    """Return the matrix rows of some spheres, each with a number of freedoms."""
     return np.ravel(freedoms * spheres[:, None] + np.arange(freedoms))
 
 
 def _factors_of(matrix: Any) -> Any:
-    """Return the factors of a symmetric sparse matrix in the order that it has."""
+    """Return the factors of a symmetric sparse matrix in its own order."""
     from scipy.sparse.linalg import splu  # slow to import, and only crystals at rest need it
 
     return splu(matrix.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def _factorised(matrix: Any, order: Integers) -> Solve:
-    """Return a function that solves a symmetric sparse system of D freedoms a sphere, (DN, DN), for (DN, K) sides."""
+    """Return a function that solves a symmetric sparse system (DN, DN), D freedoms per sphere, for sides (DN, K)."""
     rows = _rows_of(order, matrix.shape[0] // len(order))
     factors = _factors_of(matrix[rows][:, rows])
 
@@ -200,7 +201,7 @@ def _factorised(matrix: Any, order: Integers) -> Solve:
 
 
 def _blockwise(matrix: Any, freedoms: int) -> Solve:
-    """Return a function that solves with twice the diagonal blocks of a system of D freedoms a sphere in its place."""
+    """Return a function that solves a system of D freedoms per sphere by twice its diagonal blocks."""
     blocks = matrix.tobsr((freedoms, freedoms))
     count = blocks.shape[0] // freedoms
     rows = np.repeat(np.arange(count), np.diff(blocks.indptr))

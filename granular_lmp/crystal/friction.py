@@ -1,14 +1,15 @@
-"""Shear springs of contacts between spheres that move and turn in the plane, with Coulomb's limit.
+"""Shear springs with Coulomb's limit, for contacts between spheres that move and turn in the plane.
 
-The slip s of a contact, with the normal n from i to j and t = ẑ × n, and its force on i along t are those of the deck
-(LAMMPS's ``tangential mindlin``), with the shear stiffness g of the law, B √δ by the DMT law:
+With the normal n of a contact from i to j and t = ẑ × n, the slip s of the contact and its force f_S on i along t are
+those of the deck (LAMMPS's ``tangential mindlin``), with the shear stiffness g of the law, B √δ by the DMT law:
 
     ds/dt = t·(v_j − v_i) − (R_i ω_i + R_j ω_j),    f_S = g s,    |f_S| ≤ μ (f_N + 2F)
 
-A contact that slides keeps the slip of its limit, one that opens forgets its own. The lever arms of the torque are
-R − δ/2, so that no contact turns the pair as a whole. The forces depend on the way, and have no energy.
+A sliding contact keeps the slip at its limit; a contact that opens loses its slip. The lever arms of the torque are
+R − δ/2, so no contact turns its pair as a whole. The forces depend on the path and do not derive from an energy.
 
-Units as in `granular_lmp.crystal.potential`; an angle is the way of a point at the distance R of the first material.
+Units are those of `granular_lmp.crystal.potential`; an angle is the path of a point at the distance R of the first
+material.
 """
 
 import numpy as np
@@ -27,7 +28,7 @@ def slipped(potential: Potential, slip: Floats, before: State, after: State, tur
     `friction` is μ; inf for contacts that never slide.
     """
     pairs, radius = after.pairs, potential.crystal.arrays["radius"]
-    # t·(d after − d before) = −t·d before, as t is across the contact after the step
+    # t·(d after − d before) = −t·d before, because t is perpendicular to the contact after the step
     along = (after.vector[1] * before.vector[0] - after.vector[0] * before.vector[1]) / after.length
     moved = slip + along - radius[pairs.i] * turn[pairs.i] - radius[pairs.j] * turn[pairs.j]
     stiffness = after.shear_stiffness
@@ -38,7 +39,7 @@ def slipped(potential: Potential, slip: Floats, before: State, after: State, tur
 
 
 def shear_forces(potential: Potential, slip: Floats, state: State) -> tuple[Floats, Floats, Floats]:
-    """Return what slips (C,) do to the free spheres and the box: forces (N, 2), torques (N,) and stress (2,)."""
+    """Return the forces (N, 2) and torques (N,) on the free spheres and the stress (2,) on the box from slips (C,)."""
     pairs, count, radius = state.pairs, len(state.u), potential.crystal.arrays["radius"]
     push = state.shear_stiffness * slip
     across = np.stack([-state.vector[1], state.vector[0]]) * (push / state.length)  # on i; the opposite on j
@@ -56,7 +57,7 @@ def shear_forces(potential: Potential, slip: Floats, state: State) -> tuple[Floa
 
 
 def stiffest(state: State) -> Floats:
-    """Return the normal stiffness of each pair, (C,), that vibrates at least as fast as its two springs do.
+    """Return a normal stiffness for each pair, (C,), that makes it vibrate at least as fast as its two springs do.
 
     A contact of two free spheres of mass 1 adds at most 2 k to the square of a frequency through its normal spring and
     2 (1 + 1/Ĩ) k through its shear spring.
@@ -65,7 +66,7 @@ def stiffest(state: State) -> Floats:
 
 
 def carried_over(old: Pairs, new: Pairs, slip: Floats) -> Floats:
-    """Return the slips (C,) of a new list of pairs; those that the old one lacks have none."""
+    """Return the slips (C,) of a new list of pairs from those of the old list; new pairs have slip 0."""
     count = int(max(old.j.max(initial=0), new.j.max(initial=0))) + 1
     known, wanted = old.i * count + old.j, new.i * count + new.j
     place = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
@@ -73,7 +74,7 @@ def carried_over(old: Pairs, new: Pairs, slip: Floats) -> Floats:
 
 
 def require_friction(friction: float, pairs: Pairs) -> None:
-    """Raise a CrystalError unless a coefficient of friction is possible and every pair of spheres touches once."""
+    """Raise a CrystalError unless the coefficient of friction is valid and every pair of spheres touches only once."""
     if not friction >= 0:
         raise CrystalError(f"friction = {friction!r}: must be at least 0")
     if not friction:
@@ -84,5 +85,5 @@ def require_friction(friction: float, pairs: Pairs) -> None:
     if len(twice):
         raise CrystalError(
             f"friction = {friction!r}: spheres {twice[0, 0]} and {twice[0, 1]} meet more than once across periodic "
-            "faces, and a slip belongs to a pair; take at least 3 columns and 4 rows, or friction = 0"
+            "faces, but each pair can have only one slip; take at least 3 columns and 4 rows, or friction = 0"
         )

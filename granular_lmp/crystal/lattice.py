@@ -1,7 +1,7 @@
-"""Geometry of the lattices: how rows along x are stacked along y and layers along z, by tables of shifts.
+"""Geometry of the lattices: stacking of rows along y and of layers along z, by tables of shifts.
 
-The sphere (row, column, layer) sits at (column + sx, row + sy, layer + sz) in distances of columns, rows and layers,
-with the shift s of its row and layer in a period, `Lattice.stacking`. A crystal in space is a stack of equal layers:
+The sphere (row, column, layer) sits at (column + sx, row + sy, layer + sz) in distances of columns, rows and layers.
+`Lattice.stacking` has the shift s of each row and layer in a period. A crystal in space is a stack of equal layers:
 
 =========  ==========  ============================================  =================
 lattice    along y     rows across y                                 layers across z
@@ -15,7 +15,7 @@ hcp        c           close-packed layers, AB                       (1-100) pla
 hcp        [1-100]     (1-100) planes                                close-packed layers, AB
 =========  ==========  ============================================  =================
 
-The last two of fcc and the last of hcp are those of films on a substrate.
+Films on a substrate use the last two orientations of fcc and the last of hcp.
 """
 
 from collections.abc import Sequence
@@ -37,48 +37,48 @@ _STRAIGHT = (((0.0, 0.0, 0.0),),)
 FASTEST_IN_PLANE = 0.5
 _KAPPA = (0.0, 4 / 3)  # least and largest ratio of the stiffnesses of a material
 _TOUCHES = 1e-6
-_REACH = 2  # reciprocal vectors are sought to this multiple of each primitive one
+_REACH = 2  # largest multiple of each primitive reciprocal vector in a search
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Geometry of a lattice whose rows are alike.
+    """Geometry of a lattice with equal rows.
 
-    A row need not be straight: that of a honeycomb is a zigzag of two spheres a cell, each lower than the one before by
-    a third of the distance of the rows or higher by as much.
+    Rows need not be straight: a row of a honeycomb is a zigzag with two spheres per cell, whose heights alternate by a
+    third of the distance of the rows.
 
     Attributes
     ----------
     name : str
-        Value of ``packing.lattice``, of a lattice in space with its orientation: "fcc [001]".
+        Value of ``packing.lattice``; for a lattice in space with its orientation, as in "fcc [001]".
     row_spacing : float
         Distance of the rows along y, in distances of columns.
     sheet : bool
         True if the spheres of a row touch; False if each row is one sphere.
     stacking : tuple of tuples of (x, y, z)
-        Shifts of the rows of a period, each of the layers of a period, in columns, rows and layers.
+        Shifts in columns, rows and layers: for each row of a period, the shift in each layer of a period.
     corners : tuple of (kx, ky)
-        Γ and corners of the Brillouin zone in the plane, rad per column. The highest frequency of a lattice of one
-        sphere a cell in the plane lies on the edges between them.
+        Γ and corners of the Brillouin zone in the plane, rad per column. For a lattice in the plane with one sphere per
+        cell, the highest frequency lies on the edges between them.
     column_spacing : float
-        Distance of the columns along x, in that of two spheres that touch.
+        Distance of the columns along x, in distances of two touching spheres.
     places : tuple of (x, y)
         Places of the spheres of a cell in one row, column by column: x in columns, y in rows. The first is (0, 0).
     collapses : bool
-        True if lines of contacts run through it and resist no shear without friction: unequal spheres would press each
-        other out of them. A honeycomb has so few contacts that each can come to rest alone.
+        True if the lattice has straight lines of contacts that resist no shear without friction: unequal spheres would
+        press each other out of them. A honeycomb has so few contacts that each can come to rest alone.
     layer_spacing : float
-        Distance of the layers along z, in that of the columns; 0 of a lattice of one layer.
+        Distance of the layers along z, in distances of columns; 0 for a lattice of one layer.
     cell_rows, cell_layers : int
         Rows and layers of a primitive cell.
     film : bool
-        True if the cell holds all layers, the first and the last free or on a wall.
+        True if the cell contains all layers, and the first and the last layer are free or on a wall.
     densities : tuple of float
-        Densities of the rows of a cell, kg/m³, where rows differ in a pattern; () where they do not.
+        Densities of the rows of a cell, kg/m³, if rows differ in a pattern; otherwise ().
     kinds, pairs : tuple of int, tuple of Pair
-        Kinds of these rows, and measured stiffnesses of two kinds.
+        Kinds of these rows, and measured stiffnesses between two kinds.
     ratio : float or None
-        κ = g/k of contacts that make waves faster than those of solid spheres; it is no part of the geometry.
+        κ = g/k of contacts whose waves are faster than in solid spheres; it is not part of the geometry.
     """
 
     name: str
@@ -100,7 +100,7 @@ class Lattice:
 
     @property
     def solid(self) -> bool:
-        """True if it is a lattice in space, which may have layers."""
+        """True for a lattice in space, which may have several layers."""
         return self.layer_spacing > 0
 
     @property
@@ -110,37 +110,40 @@ class Lattice:
 
     @property
     def column_period(self) -> int:
-        """Number of columns after which they repeat: a packing has a multiple of it."""
+        """Number of columns after which the columns repeat: a packing has a multiple of it."""
         return len(self.places)
 
     @property
     def row_period(self) -> int:
-        """Number of rows after which they repeat: a periodic cell has a multiple of it."""
+        """Number of rows after which the rows repeat: a periodic cell has a multiple of it."""
         return len(self.stacking)
 
     @property
     def layer_period(self) -> int:
-        """Number of layers after which they repeat: a periodic cell has a multiple of it."""
+        """Number of layers after which the layers repeat: a periodic cell has a multiple of it."""
         return len(self.stacking[0])
 
     @property
     def cell_size(self) -> int:
-        """Number of spheres of a primitive cell."""
+        """Number of spheres in a primitive cell."""
         return self.column_period * self.cell_rows * self.cell_layers
 
     def layered(self, layers: int) -> "Lattice":
-        """Return the lattice of a film of this many layers; rows that are shifted along z stay in one cell."""
+        """Return the lattice of a film with this number of layers; rows that are shifted along z stay in one cell."""
         rows = self.row_period if self.highest_shift(2) else self.cell_rows
         return replace(self, cell_rows=rows, cell_layers=layers, film=True)
 
     def patterned(self, densities: Sequence[float], kinds: Sequence[int] = (), pairs: Sequence[Pair] = ()) -> "Lattice":
-        """Return the lattice of one layer whose rows have these densities and kinds in turn, as many as of a cell."""
+        """Return the one-layer lattice whose cell has one row for each of these densities and kinds, in this order."""
         return replace(
             self, cell_rows=len(densities), densities=tuple(densities), kinds=tuple(kinds), pairs=tuple(pairs)
         )
 
     def zone_edge(self, direction: float) -> float:
-        """Return the ξ at which the zone ends in a direction (degrees): a hexagon, a square where no row is shifted."""
+        """Return ξ at the edge of the zone in a direction (degrees); in the plane the zone is a hexagon, or a square.
+
+        The zone of a lattice in the plane is a square if its rows are not shifted.
+        """
         if not self.solid:
             return zone_edge(direction, EDGES if self.shift else (0.0, 90.0))
         points = self.reciprocal_points()
@@ -149,7 +152,7 @@ class Lattice:
         return float(np.min(np.sum(points[before] ** 2, axis=1) / (2 * ahead[before])))
 
     def reciprocal(self) -> Floats:
-        """Return the primitive vectors of the reciprocal lattice as rows, over the distance of spheres that touch."""
+        """Return the primitive reciprocal vectors as rows, in 1/distance of touching spheres."""
         count = 2 if self.film or not self.solid else 3
         return np.asarray(2 * np.pi * np.linalg.inv(self.cell(1.0)[:count, :count]).T)
 
@@ -161,12 +164,12 @@ class Lattice:
 
     @cached_property
     def fastest(self) -> float:
-        """Speed that no wave in the plane of waves exceeds, rows per τ: ½ of the lattices of one layer.
+        """Upper bound of the speed of waves in the plane of wave vectors, rows per τ; ½ for lattices of one layer.
 
-        In a hexagonal sheet a long L wave runs half a row per τ, and 0.41 in the other ones. In space it is the bound
-        c² = Σ (k n² + g (1 − n²)) d²/2m over the contacts of a sphere, n and d along the wave, of the fastest direction
-        and the worst κ = g/k of a material. Of a larger `ratio` transverse waves are faster: the bound is that of
-        spheres that do not turn, √((1 + 3κ)/(3 + κ)) times as much in the plane.
+        A long L wave runs 0.5 rows per τ in a hexagonal sheet, and 0.41 in the other sheets. In space the bound is
+        c² = Σ (k n² + g (1 − n²)) d²/2m over the contacts of a sphere, with components n and d along the wave, for the
+        fastest direction and the worst κ = g/k of a material. For a larger `ratio` transverse waves are faster: the
+        bound is then the speed for spheres that do not turn, which in the plane is √((1 + 3κ)/(3 + κ)) times as much.
         """
         if not self.solid:
             return FASTEST_IN_PLANE * sqrt(1.0 if self.ratio is None else (1 + 3 * self.ratio) / (3 + self.ratio))
@@ -186,33 +189,33 @@ class Lattice:
 
     @property
     def fewest_columns(self) -> int:
-        """Fewest columns between periodic sides that LAMMPS simulates correctly.
+        """Least number of columns between periodic sides that LAMMPS simulates correctly.
 
-        With 1 or 2 columns of a periodic row a sphere touches two images of the same neighbour, and LAMMPS, which finds
-        the shear of a contact by the neighbour's tag, mixes up the shear of both.
+        With 1 or 2 columns in a periodic row, a sphere touches two images of the same neighbour. LAMMPS finds the shear
+        of a contact by the tag of the neighbour, and confuses the shear of the two contacts.
         """
         return 3 + -3 % self.column_period if self.sheet else 1
 
     @property
     def fewest_rows(self) -> int:
-        """Fewest rows of a sheet that is periodic along y, for the same reason."""
+        """Least number of rows of a sheet that is periodic along y, for the same reason as `fewest_columns`."""
         return 3 + -3 % self.row_period
 
     @property
     def fewest_layers(self) -> int:
-        """Fewest layers of a crystal that is periodic along z, for the same reason."""
+        """Least number of layers of a crystal that is periodic along z, for the same reason as `fewest_columns`."""
         return 3 + -3 % self.layer_period
 
     def column_distance(self, touching: float) -> float:
-        """Return the distance of the columns where spheres that touch are `touching` apart, in its unit."""
+        """Return the distance of the columns, in the unit of `touching`, the distance of touching spheres."""
         return touching * self.column_spacing
 
     def row_distance(self, touching: float) -> float:
-        """Return the distance of the rows where spheres that touch are `touching` apart, in its unit."""
+        """Return the distance of the rows, in the unit of `touching`, the distance of touching spheres."""
         return self.column_distance(touching) * self.row_spacing
 
     def layer_distance(self, touching: float) -> float:
-        """Return the distance of the layers where spheres that touch are `touching` apart, in its unit."""
+        """Return the distance of the layers, in the unit of `touching`, the distance of touching spheres."""
         return self.column_distance(touching) * self.layer_spacing
 
     def vector(self, wavenumber: float, direction: float = 90.0) -> WaveVector:
@@ -220,16 +223,16 @@ class Lattice:
         return WaveVector.of(wavenumber, direction, self.row_spacing, self.column_spacing)
 
     def place(self, row: Integers, column: Integers, layer: Integers | int = 0) -> Integers:
-        """Return which sphere of its cell each is, counted from 0, by row, column and layer."""
+        """Return the index of each sphere in its primitive cell, from 0, by row, column and layer."""
         in_row = (column - self._shifts(row, layer)[0].astype(int)) % self.column_period
         return np.asarray(
             (in_row * self.cell_rows + row % self.cell_rows) * self.cell_layers + layer % self.cell_layers
         )
 
     def offsets(self, row: Integers, column: Integers, layer: Integers | int = 0) -> tuple[Floats, Floats, Floats]:
-        """Return places relative to the first of a cell in row 0, column 0, layer 0: in columns, rows and layers.
+        """Return places relative to the first sphere of the cell at row 0, column 0, layer 0, in columns, rows, layers.
 
-        A shift by whole columns leaves the numbers of the columns where they are, and shifts the cells.
+        A shift by whole columns does not change the numbers of the columns; it shifts the cells.
         """
         x, y = np.array(self.places).T
         along_x, along_y, along_z = self._shifts(row, layer)
@@ -242,13 +245,14 @@ class Lattice:
         return np.moveaxis(np.array(self.stacking)[row % self.row_period, layer % self.layer_period], -1, 0)
 
     def highest_shift(self, axis: int) -> float:
-        """Return the largest shift along an axis: 1 is y, 2 is z."""
+        """Return the largest shift along an axis, 1 for y or 2 for z."""
         return max(shift[axis] for row in self.stacking for shift in row)
 
     def cell(self, touching: float) -> Floats:
-        """Return the primitive vectors as rows, (3, 3), where spheres that touch are `touching` apart, in its unit.
+        """Return the primitive vectors as rows, (3, 3), in the unit of `touching`, the distance of touching spheres.
 
-        Along z, where a lattice of one layer and a film end, stands the distance 2 of its unit.
+        For a lattice of one layer and for a film, the vector along z has the length 2. For a chain, the vector along x
+        has the length 2.
         """
         steps = [(self.column_period, 0, 0), (0, self.cell_rows, 0), (0, 0, self.cell_layers)]
         shifts = [self.stacking[row % self.row_period][layer % self.layer_period] for _, row, layer in steps]
@@ -298,7 +302,7 @@ def _close_packed(layers: int, axis: int) -> tuple[tuple[Shift, ...], ...]:
     return tuple(tuple(shift(layer, within) for layer in range(layers)) for within in range(2))
 
 
-_HEIGHT = sqrt(2 / 3)  # A close-packed layer lies this high over the next
+_HEIGHT = sqrt(2 / 3)  # distance of close-packed layers, in distances of touching spheres
 _SQUARE_HEIGHT = sqrt(1 / 2)
 IN_SPACE = (
     Lattice("cubic [001]", 1.0, True, _STRAIGHT, collapses=True, layer_spacing=1.0),
@@ -316,5 +320,5 @@ ORIENTATIONS = tuple(dict.fromkeys(each.name.partition(" ")[2] for each in IN_SP
 
 
 def orientations_of(name: str) -> tuple[str, ...]:
-    """Return the orientations of a lattice in space, the default first; none of a lattice of one layer."""
+    """Return the orientations of a lattice in space, the default first; () for a lattice of one layer."""
     return tuple(each.name.partition(" ")[2] for each in IN_SPACE if each.name.partition(" ")[0] == name)

@@ -1,11 +1,11 @@
 """Lattices of equal touching spheres at rest, as `ase.Atoms`: their unit cells and packings.
 
-**Lengths are in radii R**, so that ASE, which expects lengths of order 1, shows spheres of 5 mm as well as of 50 nm.
-Touching spheres are a lattice constant a = 2R − Δ0 apart.
+**Lengths are in radii R**, because ASE expects lengths of order 1: it then shows spheres of 5 mm as well as of 50 nm.
+The distance of touching spheres is the lattice constant a = 2R − Δ0.
 
-Rows along x are stacked along y. A `Lattice` holds the stacking and the places of the spheres of its cell. Only this
+Rows along x are stacked along y. A `Lattice` has the stacking and the places of the spheres in its cell. Only this
 module and, for directions other than y in the hexagonal lattice, `granular_lmp.crystal.wavevector` depend on the kind
-of lattice; other code reads distances, wave vectors and `offsets`.
+of lattice; other code uses distances, wave vectors and `offsets`.
 """
 
 from dataclasses import replace
@@ -35,11 +35,11 @@ __all__ = ["CHAIN", "Shape", "packed", "unit_cell"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-_SAME_LATTICE = 1e-9  # relative: rounding of a lattice constant is far below it
-_BESIDE_CHAIN = 2.0  # radii from the centre of a chain to the faces of its box, which no other sphere is behind
+_SAME_LATTICE = 1e-9  # relative tolerance, far above the rounding of a lattice constant
+_BESIDE_CHAIN = 2.0  # radii from the centre of a chain to the sides of its box, so that no image of a sphere is near
 
 
-HELD, FREE, PERIODIC, WALL, QUIET = "held", "free", "periodic", "wall", "quiet"  # what a face of a packing is
+HELD, FREE, PERIODIC, WALL, QUIET = "held", "free", "periodic", "wall", "quiet"  # kinds of the faces of a packing
 ENDS_OF_Y = ("first", "last")  # faces across y
 
 
@@ -50,15 +50,16 @@ class Shape:
     Attributes
     ----------
     rows, columns : int
+        Number of rows along y, and of columns along x.
     ends : "fixed" or "periodic"
-        Whether the packing ends along y.
+        Whether the packing ends along y, or is periodic.
     lattice : Lattice
     first, last : "held", "free" or "wall"
         Kind of the first and the last row, if the packing ends.
     sides : "periodic", "held", "free" or "wall"
-        Kind of the first and the last column of a sheet; a chain has none.
+        Kind of the first and the last column of a sheet; a chain has no sides.
     layers : int
-        Layers along z.
+        Number of layers along z.
     """
 
     rows: int
@@ -98,12 +99,12 @@ class Shape:
 
     @property
     def infinite(self) -> bool:
-        """True if only held ends cut the lattice off, so that it acts as the infinite lattice until their echo."""
+        """True if the only faces are held ends: until their echo arrives, waves are those of the infinite lattice."""
         return not self.free and "sides" not in self.faces
 
     @property
     def cut(self) -> str:
-        """Words for the faces: "fixed ends", "periodic ends, sides free", "first row free, last row held"."""
+        """Description of the faces: "fixed ends", "periodic ends, sides free", "first row free, last row held"."""
         rows = [f"first row {self.first}", f"last row {self.last}"]
         held = not {FREE, WALL} & {self.faces.get("first"), self.faces.get("last")}
         sides = [f"sides {self.sides}"] if "sides" in self.faces else []
@@ -111,7 +112,7 @@ class Shape:
 
     @property
     def edge(self) -> str:
-        """Name of what reflects waves: "walls" if no face is free, else "faces"."""
+        """Word for the faces that reflect waves: "faces" if one is free, otherwise "walls"."""
         return "faces" if self.free else "walls"
 
     def holds(self, row: Any, column: Any) -> Any:
@@ -132,7 +133,7 @@ class Shape:
 
     @property
     def words(self) -> str:
-        """Rows and columns in words, and the lattice unless it is hexagonal."""
+        """Rows, columns and layers as text, with the lattice if it is square or a chain."""
         if self.lattice == CHAIN:
             return f"a chain of {self.rows} rows"
         square = " of a square lattice" if self.lattice == SQUARE else ""
@@ -141,7 +142,7 @@ class Shape:
 
 
 def lattice_constant(sphere: Sphere) -> float:
-    """Return the distance a = 2 − Δ0/R of two spheres that touch, the constant of a lattice of one a cell, in radii."""
+    """Return the distance a = 2 − Δ0/R of two touching spheres, in radii."""
     return sphere.lattice_constant / sphere.radius
 
 
@@ -149,7 +150,7 @@ def lattice_constant(sphere: Sphere) -> float:
 
 
 def unit_cell(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> ase.Atoms:
-    """Return the primitive cell of a lattice: periodic along y, along x except for a chain, and in space along z."""
+    """Return the primitive cell of a lattice, periodic along y, along x except for a chain, and along z in the bulk."""
     a, count = lattice_constant(sphere), lattice.cell_size
     shape = np.indices((lattice.cell_rows, lattice.column_period, lattice.cell_layers))
     row, column, layer = (index.ravel() for index in shape)
@@ -175,10 +176,10 @@ def unit_cell(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> ase.Atoms:
 
 @cache
 def unit_lattice(sphere: Sphere, lattice: Lattice = HEXAGONAL, wall: Wall | None = None) -> Contacts:
-    """Return the contacts of the spheres of one cell of an infinite lattice, and those of its outer layers with walls.
+    """Return the contacts of the spheres of one cell of an infinite lattice, and of its outer layers with walls.
 
-    The one sphere of a cell touches images of itself opposite to each other, which are one contact: three in the
-    hexagonal lattice, two in the square one, one in a chain.
+    In a cell of one sphere, the sphere touches pairs of opposite images of itself, and each pair counts as one contact:
+    three in the hexagonal lattice, two in the square lattice, one in a chain.
     """
     cell = unit_cell(sphere, lattice)
     contacts = find_contacts(cell, [sphere] * max(1, len(set(lattice.kinds))), sphere.contact_force)
@@ -192,12 +193,12 @@ def unit_lattice(sphere: Sphere, lattice: Lattice = HEXAGONAL, wall: Wall | None
 
 
 def lattice_of_contacts(contacts: Contacts, sphere: Sphere) -> Lattice:
-    """Return the lattice whose contacts these are, as `unit_lattice` returns them.
+    """Return the lattice in the plane to which these contacts, a result of `unit_lattice`, belong.
 
     Raises
     ------
     ValueError
-        If the contacts are those of no lattice of the sphere.
+        If no lattice of the sphere has these contacts.
     """
     for lattice in PLANE_LATTICES.values():
         known = unit_lattice(sphere, lattice).vector
@@ -206,7 +207,7 @@ def lattice_of_contacts(contacts: Contacts, sphere: Sphere) -> Lattice:
         ):
             return lattice
     raise ValueError(
-        f"{len(contacts)} contacts: not those of the sphere's {', '.join(PLANE_LATTICES)} lattice; see `unit_lattice`"
+        f"{len(contacts)} contacts: belong to no {', '.join(PLANE_LATTICES)} lattice of this sphere; see `unit_lattice`"
     )
 
 
@@ -219,16 +220,16 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     Parameters
     ----------
     sphere : Sphere
-        Sphere with radius and lattice constant.
+        Sphere that sets the radius and the lattice constant.
     shape : Shape
-        Rows, columns, faces and lattice: any number of rows between fixed ends, in a periodic cell a multiple of
-        `Lattice.row_period`; columns a multiple of `Lattice.column_period`.
+        Rows, columns, faces and lattice. The number of rows is arbitrary between fixed ends, and a multiple of
+        `Lattice.row_period` in a periodic cell; the number of columns is a multiple of `Lattice.column_period`.
 
     Returns
     -------
     ase.Atoms
-        One entry ("X") per sphere, row by row, positions in radii, periodic as the shape is. ``info`` holds ``rows``,
-        ``columns`` and ``lattice_name``, also after spheres are left out.
+        One entry ("X") per sphere, row by row, with positions in radii, and periodic as the shape is. ``info`` has
+        ``rows``, ``columns`` and ``lattice_name``, which stay if spheres are left out.
         Arrays: ``row`` and ``column`` (counted from 0), ``fixed`` (True on held faces), ``radius`` (1).
         The centre sphere lies next to the origin, where coordinates have the finest resolution. No sphere is on a
         periodic face: columns are shifted by a quarter of their distance, rows by half a row.
@@ -252,8 +253,8 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     periodic = shape.along_y
     low, high = (edge(place for _, place in lattice.places) * spacing for edge in (min, max))
     shifted = lattice.highest_shift(1)
-    # Half a row below the first row when periodic, or half of what shifts leave; a radius of air beyond the held rows
-    # otherwise
+    # A periodic box begins half a row below the first row, less half of the largest shift; otherwise the box extends a
+    # radius beyond the outer spheres
     half = (1 - shifted) / 2
     below, above = (half * spacing, -half * spacing) if periodic else (1.0 - low, 1.0 + high)
     bottom = -shape.centre_row * spacing - below
@@ -279,7 +280,7 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
 
 
 def _depth(shape: Shape, touching: float) -> tuple[float, float]:
-    """Return the lower face of the box along z and its depth: a radius of air beyond the layers unless periodic."""
+    """Return the lower face of the box along z and its depth: a radius beyond the outer spheres unless periodic."""
     spacing, shifted = shape.lattice.layer_distance(touching), shape.lattice.highest_shift(2)
     if shape.along_z:
         return -(1 - shifted) / 2 * spacing, shape.layers * spacing
@@ -292,9 +293,10 @@ def offsets(packing: ase.Atoms) -> tuple[Floats, Floats]:
 
 
 def places(packing: ase.Atoms, size: int = 1) -> Integers:
-    """Return which sphere of its cell each is, (N,), counted from 0; the centre sphere is the first of its own.
+    """Return the index of each sphere in its primitive cell, (N,), from 0; the centre sphere has index 0.
 
-    A cell of more spheres than the lattice has, `size`, is that of a pattern of as many rows (`Lattice.patterned`).
+    If `size` exceeds the number of spheres in the primitive cell, the cell has this number of rows of a pattern
+    (`Lattice.patterned`).
     """
     shape = _shape_of(packing)
     if size > shape.lattice.cell_size:

@@ -1,7 +1,7 @@
-"""Spheres that are let go: they move against a drag until hardly any force is left; see `equilibrium` for the protocol.
+"""Release of spheres, which then move against a drag until hardly any force is left; `equilibrium` has the protocol.
 
-In units of the contact between two spheres of the first material every sphere has the mass 1 and the drag coefficient
-1, and with friction the moment of inertia Ĩ R² and a drag on its turning that slows it at the same rate.
+In units of the contact between two spheres of the first material every sphere has mass 1 and drag coefficient 1. With
+friction it also has the moment of inertia Ĩ R², and a rotational drag that slows its spin at the same rate.
 """
 
 from collections.abc import Callable
@@ -16,15 +16,16 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, int, float, float], None]
-SETTLED = 1e-3  # k1 Δ0, root mean square: from here Newton steps find the rest that the spheres are settling to
+SETTLED = 1e-3  # k1 Δ0, root mean square force from which Newton steps find the rest to which the spheres are settling
 DRAG = 1.0  # √(k1 m)
-# N m (2R)², and √(k1/m) of that. A box of a hundredth of this inertia tears contacts by its swing (Z = 4.5 for 5.0 at
-# s = 2); one that is damped three times as much takes three times as long, to contacts that differ by 0.03 a sphere.
+# Inertia of the box in N m (2R)², and its drag in √(k1/m) times the inertia. With a hundredth of this inertia the box
+# swings and tears contacts (Z = 4.5 instead of 5.0 at s = 2). With three times the drag it takes three times as long,
+# and the contacts per sphere differ by 0.03.
 _BOX_INERTIA, _BOX_DRAG = 100.0, 0.3
-_LONGEST = 2000.0  # √(m/k1): spheres that still creep then are handed to the Newton steps
-_STEP = 1.4  # time step, times the highest frequency that the contacts of one sphere could have; stable below 2
-_CHECKED = 20  # steps between two looks at the forces, the stiffest contacts and the list of pairs
-_SHORT = 400  # steps, in which an avalanche ends
+_LONGEST = 2000.0  # √(m/k1): time after which spheres that still creep are left to the Newton steps
+_STEP = 1.4  # time step times an upper bound of the frequencies of one sphere; stable below 2
+_CHECKED = 20  # steps between two checks of the forces, the stiffest contacts and the list of pairs
+_SHORT = 400  # largest number of steps for an avalanche
 
 
 def let_go(
@@ -34,10 +35,15 @@ def let_go(
     friction: float = 0.0,
     settled: float = SETTLED,
 ) -> State:
-    """Return the state that spheres at rest come to as they move against a drag, until the mean force is small.
+    """Return the state after spheres, released from rest, have moved against a drag until forces are small.
 
-    `settled` is that force, root mean square in k1 Δ0. With `friction` contacts have shear springs and spheres turn;
-    the springs are forgotten at the end.
+    Parameters
+    ----------
+    potential, state : energy of the crystal, and the state at the start
+    progress : callable, as in `granular_lmp.crystal.equilibrium.relax`
+    friction : coefficient of friction. If it is not 0, contacts have shear springs, which are discarded at the end, and
+        spheres turn
+    settled : root mean square force at the end, k1 Δ0
     """
     count, box = len(state.u), _BOX_INERTIA * potential.mass[-1]
     velocity, spin, rate = np.zeros_like(state.u), np.zeros(count), np.zeros_like(state.e)
@@ -71,10 +77,10 @@ def let_go(
 
 
 def let_go_near(potential: Potential, state: State, moving: NDArray[np.bool_]) -> State:
-    """Return the state after some bodies (N,) have moved against the drag, from rest, while all others were held.
+    """Return the state after some bodies (N,) have moved from rest against the drag, while all others were held.
 
-    They move until no force on them is above `SETTLED`, or for `_SHORT` steps. That is too short for a sphere to reach
-    one that is not in the list of pairs.
+    They move until no force on them is above `SETTLED`, or for `_SHORT` steps. In this time no sphere can reach a
+    sphere outside the list of pairs.
     """
     pairs = state.pairs
     which = np.flatnonzero(moving[pairs.i] | moving[pairs.j])
@@ -103,8 +109,8 @@ def let_go_near(potential: Potential, state: State, moving: NDArray[np.bool_]) -
 
 
 def _time_step(potential: Potential, state: State, stiffness: Floats) -> float:
-    """Return the time step, √(m/k1), at stiffnesses (C,) of the pairs, k1; one contact of a sphere has at least 1."""
+    """Return the time step, √(m/k1), from the stiffnesses (C,) of the pairs, k1; the sum at a sphere is at least 1."""
     pairs, count = state.pairs, len(state.u)
     sums = np.bincount(pairs.i, stiffness, count) + np.bincount(pairs.j, stiffness, count)
-    stiffest = max(float(sums[: len(potential.crystal)].max()), 1.0)  # without that of the walls
+    stiffest = max(float(sums[: len(potential.crystal)].max()), 1.0)  # without the body of the walls
     return float(_STEP / np.sqrt(2 * stiffest))

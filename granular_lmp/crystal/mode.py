@@ -1,4 +1,4 @@
-"""One Bloch mode: its wave vector, frequency and shape; and the freedoms of the spheres that it moves."""
+"""One Bloch mode with its wave vector, frequency and shape, and the freedoms of the spheres."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from granular_lmp.frozen import dataclass
 
 # A sphere's six freedoms: displacement u, and φ = Rθ for the rotation θ
 UX, UY, UZ, FX, FY, F = range(6)
-PLANE = (UX, UY, F)  # those that move in a plane z = const
+PLANE = (UX, UY, F)  # freedoms that move in a plane z = const
 TURNS = np.array([1, 1, 1, 1j, 1j, 1j])  # φ = i f
 
 
@@ -25,8 +25,8 @@ class Physics:
     rotation : bool
         True if spheres turn.
     rolling : float
-        Rolling stiffness k_r of a contact, N/m: the roll ρ = Rc(φ_j/R_j − φ_i/R_i) of two spheres that turn against
-        each other, Rc = RiRj/(Ri + Rj), has the energy ½ k_r ρ². It is 0 if spheres roll freely.
+        Rolling stiffness k_r of a contact, N/m; 0 if spheres roll freely. The energy is ½ k_r ρ², with the roll
+        ρ = Rc(φ_j/R_j − φ_i/R_i) of two spheres that turn against each other and Rc = RiRj/(Ri + Rj).
     space : bool
         True if spheres may leave the plane z = const.
     """
@@ -50,20 +50,24 @@ FULL = Physics()
 class Mode:
     """One Bloch mode: displacement u and rotation φ = Rθ = i f, with |u|² + |f|² = 1, and frequency in 1/t0.
 
-    p is the displacement along the wave vector k, q that along ẑ × k: along y p = uy, q = −ux, the field's names. The
-    larger of the two is positive, so p > 0 for L, and q = Q > 0 for TR and RT along y.
+    p is the displacement along the wave vector k and q the displacement along ẑ × k; for k along y, p = uy and q = −ux.
+    The larger of the two is positive, so p > 0 for L, and q = Q > 0 for TR and RT along y.
 
     Attributes
     ----------
     name : str
-        L, TR or RT; in a cell of several spheres the number of the branch, "1" for the lowest.
+        L, TR or RT; in a cell of several spheres the number of the branch, "1" for the lowest; in space a name of
+        `granular_lmp.crystal.modes`.
     vector : WaveVector
+        Wave vector k.
     frequency : float
+        Frequency, 1/t0.
     ux, uy, f : float
-        With a `cell` the roots of the sums of squares over it, f over all axes; all positive.
+        Amplitudes of one sphere. With a `cell` they are the positive roots of the sums of squares over the cell, for f
+        over all axes.
     cell : tuple of (ux, uy, uz, φx, φy, φz)
-        Complex amplitudes of the spheres of a cell, each in front of e^{ik·r} at its own place r; () if the mode is L,
-        TR or RT of one sphere.
+        Complex amplitudes of the spheres of a cell, as factors of e^{ik·r} at the place r of each sphere; () for L, TR
+        or RT of one sphere.
     """
 
     name: str
@@ -98,7 +102,7 @@ class Mode:
 
     @property
     def along_y(self) -> bool:
-        """True if the spheres move along y rather than along x."""
+        """True if the spheres move more along y than along x."""
         return self.uy > self.ux if self.cell else self.name == "L"
 
     def shape(self) -> NDArray[np.complex128]:
@@ -109,8 +113,8 @@ class Mode:
 def branch_mode(name: str, vector: WaveVector, frequency: float, shape: NDArray[Any]) -> Mode:
     """Return the mode of a branch from its shape (u, f) of each sphere, (6P,), normalised to 1.
 
-    Its phase makes the largest p or q of a sphere real and positive, of equal ones the first, to 1e-6; of spheres that
-    only leave their plane or turn, the largest uz, or the largest −f.
+    The phase makes the largest p or q of a sphere real and positive; of values that are equal to 1e-6 the first counts.
+    Without p and q the largest uz is positive, and in a mode that only turns the largest −f.
     """
     each = shape.reshape(-1, 6)
     ways = np.stack([vector.along(each[:, UX], each[:, UY]), vector.across(each[:, UX], each[:, UY])], axis=1).ravel()

@@ -1,10 +1,11 @@
 """Waves of a lattice by name: L, TR and RT, sagittal and shear-horizontal waves, and numbered branches.
 
 In the plane a lattice with one sphere per cell has the waves L, TR and RT. In space it also has them if z = const is a
-mirror plane: they are the three of six waves that stay in the plane. If the plane of k and z is a mirror plane, as
-along the symmetry lines of a layer on a substrate, sagittal waves S1, S2, … move along k and z and turn about the axis
-normal to both; shear-horizontal waves H1, H2, … move along that axis and turn about k and z. Both are counted from the
-lowest. In every crystal branches have numbers. `granular_lmp.crystal.bloch` has the modes of any crystal.
+mirror plane: they are then the three of the six waves that stay in the plane. If the plane of k and z is a mirror
+plane, as along the symmetry lines of a layer on a substrate, sagittal waves S1, S2, … move along k and z and turn about
+the axis normal to both, and shear-horizontal waves H1, H2, … move along that axis and turn about k and z. Both families
+are counted from the lowest frequency. In every crystal branches have numbers. `granular_lmp.crystal.bloch` has the
+modes of any crystal.
 """
 
 from collections.abc import Sequence
@@ -34,39 +35,39 @@ __all__ = ["bloch_modes"]
 
 Floats = NDArray[np.float64]
 MODES = ("L", "TR", "RT")
-_MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are any
-_STILL = 1e-6  # A frequency below this share of the highest one is the root of a rounding
-_SOFTEST = 2 / 3 * (1 - 1e-9)  # κ = g/k of a material of ν = ½; only measured stiffnesses have a smaller one
-_FEW = 8  # spheres of the thin film that tells where the highest frequency of a thick one is
-_BEST, _NEAR = 4, 0.97  # wave vectors at most that are tried in the thick one, and the least share of the highest there
+_MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are arbitrary
+_STILL = 1e-6  # a frequency below this share of the highest is 0, as the square root of a rounding error
+_SOFTEST = 2 / 3 * (1 - 1e-9)  # κ = g/k at ν = ½; only measured stiffnesses have a smaller κ
+_FEW = 8  # spheres of the thin film that shows at which wave vectors a thick film has its highest frequency
+_BEST, _NEAR = 4, 0.97  # most wave vectors tried in the thick film, and the least share of the highest frequency there
 _OF_SPHERES = ("radius", "mass")
-_MANY = 48  # spheres of a cell beyond which branches are found from the lowest one on, and at most as many as
-_LOWEST = 64
-_BELOW = 1e-9  # of the largest element of the matrix of ω²
-_POINTS = 12  # wave vectors along each primitive vector of the reciprocal lattice in which the highest one is sought
-# A wave along an axis keeps the mirror of the lattice that holds the axis: L lives in the one displacement, TR and RT
-# in the other and the rotation; each sorted by frequency.
+_MANY = 48  # number of spheres per cell above which only the lowest branches are found
+_LOWEST = 64  # number of these branches
+_BELOW = 1e-9  # distance of the shift below 0, in the largest element of the matrix of ω²
+_POINTS = 12  # wave vectors along each primitive reciprocal vector in a search for the highest frequency
+# A wave along an axis has the mirror symmetry of that axis: L moves only along the axis; TR and RT, sorted by
+# frequency, move across it and turn
 _SUBSPACE = {
     "y": {"L": ([UY], 0), "TR": ([UX, F], 0), "RT": ([UX, F], 1)},
     "x": {"L": ([UX], 0), "TR": ([UY, F], 0), "RT": ([UY, F], 1)},
 }
 
 
-# --- the named waves of a lattice of one sphere a cell ----------------------------------------------------------------
+# --- the named waves of a lattice of one sphere per cell --------------------------------------------------------------
 
 
-@lru_cache(maxsize=256)  # each mode of a lattice asks
+@lru_cache(maxsize=256)  # each mode of a lattice asks for the names
 def restored(lattice: Contacts, physics: Physics = FULL) -> tuple[str, ...]:
-    """Return the names of the waves along y that the contacts of a lattice restore; of several spheres a cell all.
+    """Return the names of the waves along y that have a restoring force; with several spheres per cell, all numbers.
 
-    TR is left out, as its frequency is 0, where the springs of the contacts are fewer than the freedoms of a transverse
-    wave: in a chain, whose spheres roll on each other freely, and in a square lattice without shear. If such a lattice
-    is pressed together, motions across y grow, and L is all there is.
+    TR has the frequency 0 and is left out if the contacts have fewer springs than a transverse wave has freedoms: in a
+    chain, whose spheres roll on each other freely, and in a square lattice without shear. If such a lattice is
+    compressed, motions across y grow, and only L remains.
     """
     if len(lattice.mass) > 1 or physics.space:
         return tuple(map(str, range(1, len(lattice.mass) * len(physics.coordinates) + 1)))
     freedoms = [column for column in (UX, F) if column in physics.coordinates]
-    along_y = np.array([0.0, 1 / lattice.length[0]])  # any but Γ and the edge of the zone
+    along_y = np.array([0.0, 1 / lattice.length[0]])  # any wave vector except Γ and the edge of the zone
     normal, sideways, turn = stretch_rows(lattice, along_y)
     rows = [normal] + [sideways[0] + turn[0]] * physics.shear + [roll_rows(lattice, along_y)] * (physics.rolling > 0)
     floppy = np.linalg.matrix_rank(np.vstack(rows)[:, freedoms]) < len(freedoms)
@@ -76,34 +77,34 @@ def restored(lattice: Contacts, physics: Physics = FULL) -> tuple[str, ...]:
 
 
 def bears_compression(lattice: Contacts, *, shear: bool = True) -> bool:
-    """Return True if a lattice stays straight when its contacts are pressed together, False if it buckles.
+    """Return True if a lattice stays straight under compression, False if it buckles.
 
-    It stays straight where a shift of rows along themselves stretches or shears contacts, even if spheres turn with it:
-    the stiffness F0/a that a compressed contact loses is far smaller (χ ≪ κ of `Sphere`). A resistance to rolling does
-    not hold long waves.
+    It stays straight if a shift of rows along themselves stretches or shears contacts even if spheres turn with the
+    shift: the stiffness F0/a that a compressed contact loses is far smaller (χ ≪ κ of `Sphere`). Resistance to rolling
+    does not stabilise long waves.
     """
     return "TR" in restored(lattice, Physics(shear, rotation=shear))
 
 
-@lru_cache(maxsize=256)  # one scene needs its mode many times: effects, guards, deck, accuracy
+@lru_cache(maxsize=256)  # a scene needs its mode many times: effects, guards, deck, accuracy
 def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics = FULL) -> Mode:
-    """Return the mode L, TR or RT of a lattice at a wave vector, or a branch of one of several spheres a cell.
+    """Return the mode L, TR or RT of a lattice at a wave vector; with several spheres per cell, a branch by number.
 
     L is the mode that moves most along k; TR is the lower and RT the upper of the other two. Along y and along x, where
     the wave has a mirror symmetry, L is purely longitudinal, and TR and RT do not move along k. In other directions all
     three have every component, and modes exchange their names where two frequencies come close.
 
     At ξ = π along y translation and rotation separate: one of TR and RT is pure u_x, the other pure rotation, with the
-    sign that continues ξ < π (f > 0 for TR, f < 0 for RT). The signs are those that `Mode` gives.
+    sign that continues ξ < π (f > 0 for TR, f < 0 for RT). Signs are those of `Mode`.
 
     Raises
     ------
     SceneError
-        If the name is unknown, is RT and spheres do not turn, or is not `restored` by the contacts; of a branch, if
-        its frequency is 0 or that of another.
+        If the name is unknown, is RT and spheres do not turn, or is not `restored` by the contacts; if the frequency
+        of a branch is 0 or equals that of another branch.
     ValueError
         If the contacts are not those of a lattice of the sphere (`granular_lmp.crystal.lattices.unit_lattice`). The
-        modes of other crystals have no names; `bloch_modes` returns them all.
+        modes of other crystals have no names; `bloch_modes` returns all of them.
     """
     if physics.space:
         return _in_space(lattice, sphere, vector, name, physics)
@@ -132,7 +133,7 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     if index is None:
         index = branch_names(shapes, np.array(vector.unit)).index(name)
     shape, same = shapes[index], np.abs(frequencies - frequencies[index]) < _MEET * frequencies[-1]
-    if same.sum() > 1 and not vector.axis:  # a square lattice along its diagonal, whose spheres do not turn
+    if same.sum() > 1 and not vector.axis:  # a square lattice without rotation along its diagonal
         x, y = vector.unit
         shape = (np.eye(6)[[UX, UY]].T @ ([x, y] if name == "L" else [-y, x])) @ shapes[same].T @ shapes[same]
         shape = shape / np.linalg.norm(shape)
@@ -141,7 +142,7 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
 
 
 def modes_at(lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Physics = FULL) -> list[Mode]:
-    """Return all modes of a lattice at a wave vector that contacts restore; branches that meet are any of their sum."""
+    """Return all `restored` modes of a lattice at a wave vector; degenerate modes are arbitrary combinations."""
     if len(lattice.mass) == 1 and not physics.space:
         return [bloch_mode(lattice, sphere, vector, name, physics) for name in restored(lattice, physics)]
     frequencies, shapes = bloch_modes(lattice, sphere, _wavevector(sphere, vector), physics)
@@ -153,9 +154,9 @@ def modes_at(lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Phy
 def branches(
     lattice: Contacts, sphere: Sphere, vectors: Sequence[WaveVector], physics: Physics = FULL
 ) -> dict[str, Floats]:
-    """Return the frequencies (K,) of `modes_at` at wave vectors of one direction, by their names there.
+    """Return the frequencies (K,) of the modes in `modes_at` at wave vectors of one direction, by name.
 
-    Between the axes, where branches exchange their names, they are numbered from the lowest.
+    In directions other than x and y, where branches exchange their names, they are numbered from the lowest.
     """
     names, axis = restored(lattice, physics), vectors[0].axis
     k = np.array([_wavevector(sphere, each) for each in vectors])
@@ -173,7 +174,7 @@ def branches(
 
 
 def _in_space(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics) -> Mode:
-    """Return the mode of a crystal in space by a name that its symmetry gives, or by number."""
+    """Return the mode of a crystal in space by a name from its symmetry, or by number."""
     if name in (numbers := restored(lattice, physics)):
         return _branch(lattice, sphere, vector, name, physics)
     names = named_in_space(lattice, sphere, vector, physics)
@@ -191,11 +192,11 @@ def _in_space(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, 
     return branch_mode(name, vector, frequency, shape)
 
 
-@lru_cache(maxsize=128)  # a band is asked for name by name
+@lru_cache(maxsize=128)  # callers ask for the waves of a wave vector one name at a time
 def named_in_space(
     lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Physics
 ) -> dict[str, tuple[float, NDArray[Any]]]:
-    """Return frequency and shape of the waves that mirrors of a crystal in space give names, by name."""
+    """Return the frequencies and shapes of the waves of a crystal in space whose names come from mirrors, by name."""
     found: dict[str, tuple[float, NDArray[Any]]] = {}
     x, y = vector.unit
     along, across = np.array([x, y, 0.0]), np.array([-y, x, 0.0])
@@ -220,7 +221,10 @@ def named_in_space(
 
 
 def _spread(ways: list[tuple[Floats, Floats]], spheres: int, physics: Physics) -> Any:
-    """Return motions (u, f) of each sphere of a cell as orthonormal columns, (6N, F); none turns without rotation."""
+    """Return motions (u, f) of single spheres, for each sphere of a cell, as orthonormal columns (6N, F).
+
+    Motions with a rotation are left out if spheres do not turn.
+    """
     columns = np.array([np.concatenate(way) for way in ways if physics.rotation or not way[1].any()]).T
     if spheres <= _MANY:
         return np.kron(np.eye(spheres), columns)
@@ -232,17 +236,17 @@ def _spread(ways: list[tuple[Floats, Floats]], spheres: int, physics: Physics) -
 def _lowest(
     lattice: Contacts, sphere: Sphere, wavevector: Floats, physics: Physics, basis: Any, least: int = 0
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return frequencies and shapes as `solve` does; of a cell of many spheres the `_LOWEST` ones.
+    """Return frequencies and shapes as `solve` does; in a cell of many spheres only the `_LOWEST` lowest branches.
 
-    They are found by Arnoldi's method on the inverse, in a time in proportion to the spheres. Raises SceneError if more
-    of them are wanted, the `least`-th one.
+    Arnoldi's method on the inverse matrix finds them in a time proportional to the number of spheres. Raises SceneError
+    if the branch number `least` is beyond these.
     """
     if len(lattice.mass) <= _MANY:
         return solve(lattice, sphere, wavevector, physics, basis)
     if least > _LOWEST:
         raise SceneError(
-            f"wave.mode = '{least}': must be at most {_LOWEST} in a crystal of {len(lattice.mass)} spheres a cell, or "
-            f"packing.layers fewer: higher branches are found in cells of at most {_MANY} spheres",
+            f"wave.mode = '{least}': must be at most {_LOWEST} in a crystal of {len(lattice.mass)} spheres per cell, "
+            f"or packing.layers fewer: higher branches are found in cells of at most {_MANY} spheres",
             because="physics",
         )
     from scipy.sparse.linalg import eigs
@@ -250,7 +254,7 @@ def _lowest(
     matrix, inverse_root_mass = matrix_of(lattice, sphere, wavevector, physics)
     within = (basis.conj().T @ matrix @ basis).tocsc()
     start = np.random.default_rng(0).standard_normal(within.shape[0])
-    # From just below 0, so that motions of the frequency 0 leave the matrix regular
+    # The shift is just below 0, so that motions of frequency 0 do not make the matrix singular
     squared, vectors = eigs(within, _LOWEST, sigma=-_BELOW * abs(matrix).max(), v0=start)
     order = np.argsort(squared.real)
     shapes = (basis @ vectors[:, order]).T * inverse_root_mass
@@ -273,36 +277,36 @@ def _branch(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, ph
         )
     if np.abs(others - own).min() < _MEET * own:
         raise SceneError(
-            f"{where} of another branch at this wave vector, so that its shape is not unique; take one beside it",
+            f"{where} of another branch at this wave vector, so its shape is not unique; take another wave vector",
             because="physics",
         )
     return branch_mode(name, vector, float(own), shapes[number - 1])
 
 
 def branch_names(shapes: NDArray[Any], along: Floats) -> tuple[str, ...]:
-    """Return L, TR or RT for each branch of a lattice, (B, 3), ascending in frequency, at a wave vector along (2,)."""
+    """Return L, TR or RT for each branch, from shapes in ascending frequency and the unit vector `along` (2,) of k."""
     longitudinal, others = int(np.argmax(np.abs(shapes[:, :2] @ along))), iter(MODES[1:])
     return tuple("L" if branch == longitudinal else next(others) for branch in range(len(shapes)))
 
 
-@lru_cache(maxsize=1)  # rules ask again and again
+@lru_cache(maxsize=1)  # several rules ask for the same result
 def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[Floats, Floats]:
     """Return the amplitudes of δN and δS of contacts in a wave of the perfect lattice, (C,) each, in units of D0.
 
-    All are in phase; of several spheres a cell they are the moduli. In a crystal that is not perfect they are those of
-    a wave that imperfections leave as it is.
+    All amplitudes are in phase; with several spheres per cell they are moduli. For an imperfect crystal they assume
+    that imperfections do not change the wave.
     """
     normal, shear = (np.empty(len(contacts)) for _ in range(2))
     of_part = _moduli if mode.cell else _in_phase
     for block, some in zip(blocks(len(contacts)), contacts.parts(), strict=True):
         normal[block], shear[block] = of_part(some, sphere, mode)
     for each in (normal, shear):
-        each.setflags(write=False)  # callers share them
+        each.setflags(write=False)  # because callers share the cached arrays
     return normal, shear
 
 
 def _in_phase(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[Floats, Floats]:
-    """Return δN and δS of the contacts in a mode of one sphere a cell."""
+    """Return δN and δS of the contacts in a mode of one sphere per cell."""
     half_phase = contacts.vector[:, :2] @ _wavevector(sphere, mode.vector) / sphere.radius / 2
     moved, shape = 2 * np.sin(half_phase), np.array([mode.ux, mode.uy])
     normal = moved * (contacts.normals[:, :2] @ shape)
@@ -311,7 +315,7 @@ def _in_phase(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[Floats, F
 
 
 def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[Floats, Floats]:
-    """Return |δN| and |δS| of the contacts of a cell of several spheres; of another crystal a bound on both."""
+    """Return |δN| and |δS| of the contacts of a cell of several spheres; upper bounds for another crystal."""
     if len(contacts.mass) == len(mode.cell):
         normal, sideways, turn = stretch_rows(contacts, _wavevector(sphere, mode.vector) / sphere.radius)
         shape = _freedoms(mode)
@@ -334,14 +338,14 @@ def _freedoms(mode: Mode) -> NDArray[np.complex128]:
     return (mode.shape() / TURNS).ravel()
 
 
-@lru_cache(maxsize=64)  # the same for all runs of a sweep
+@lru_cache(maxsize=64)  # all runs of a sweep have the same
 def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
     """Return the highest frequency of a lattice, rad/t0: velocity Verlet is stable for Δτ < 2/Ω.
 
-    Of solid spheres it is at Γ, where all turn in phase, Ω² = 2zκ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling; z is
-    the number of contacts a sphere: 3, 2, 1 in the hexagonal lattice, the square one and the chain. Otherwise it lies
-    on edges of the zone (`Lattice.corners`), in the hexagonal lattice at a place that depends on κ; 120 points find it
-    to 1e-4. For other crystals use `granular_lmp.crystal.stability.frequency_bound`.
+    For solid spheres whose contacts do not resist rolling, it is at Γ, where all spheres turn in phase:
+    Ω² = 2zκ(1−η)/(Ĩ(κ+3)), with z contacts per sphere: 3, 2 and 1 in the hexagonal lattice, the square lattice and the
+    chain. Otherwise it lies on edges of the zone (`Lattice.corners`), in the hexagonal lattice at a place that depends
+    on κ; 120 points find it to 1e-4. For other crystals use `granular_lmp.crystal.stability.frequency_bound`.
     """
     if physics.space:
         return _highest_in_space(lattice, sphere, physics)
@@ -353,10 +357,10 @@ def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL
 
 
 def _highest_in_space(crystal: Contacts, sphere: Sphere, physics: Physics) -> float:
-    """Return the highest frequency over a grid of the plane of waves, which holds Γ, rad/t0.
+    """Return the highest frequency, rad/t0, over a grid of wave vectors in the plane, which includes Γ.
 
-    Of a film of many layers it is a bound, 1e-3 too high at most, at the wave vectors of the grid at which a film of
-    few of its layers has the highest ones.
+    For a film of many layers the result is an upper bound, at most 1e-3 too high, at the wave vectors of the grid where
+    a film of few of its layers has the highest frequencies.
     """
     share = np.pi * np.arange(_POINTS) / _POINTS * 2 * sphere.radius / float(crystal.length.min())
     grid = np.array(list(product(share, repeat=2)))
@@ -371,25 +375,25 @@ def _highest_in_space(crystal: Contacts, sphere: Sphere, physics: Physics) -> fl
     squares = []
     for k in grid[best[tops[best] > _NEAR * tops[best[0]]]]:
         matrix = matrix_of(crystal, sphere, k, physics)[0][moving][:, moving]
-        whole = (matrix + matrix.conj().T) / 2  # torques of true arms leave it nearly so
+        whole = (matrix + matrix.conj().T) / 2  # true torque arms make the matrix slightly non-Hermitian
         squares.append(top_bound(whole.dot, start, len(start)))
     return float(np.sqrt(max(squares)))
 
 
 def _every(crystal: Contacts, physics: Physics) -> Any:
-    """Return all freedoms of a cell that move as sparse columns, (6N, F)."""
+    """Return all moving freedoms of a cell as sparse columns, (6N, F)."""
     from scipy.sparse import eye_array  # slow to import, and only thick films need it
 
     return eye_array(6 * len(crystal.mass), format="csr")[:, _moving(crystal, physics)]
 
 
 def _moving(crystal: Contacts, physics: Physics) -> NDArray[np.int64]:
-    """Return the indices of the freedoms of a cell that move."""
+    """Return the indices of the moving freedoms of a cell, (F,)."""
     return (6 * np.arange(len(crystal.mass))[:, None] + np.array(physics.coordinates)).ravel()
 
 
 def _layers_of(crystal: Contacts, count: int) -> Contacts:
-    """Return the contacts of some spheres of a film with each other and its wall, those nearest to the first sphere."""
+    """Return the contacts, with each other and the wall, of the `count` spheres of a film nearest to the first one."""
     from scipy.sparse import coo_array  # slow to import, and only thick films need it
     from scipy.sparse.csgraph import breadth_first_order
 
@@ -397,7 +401,7 @@ def _layers_of(crystal: Contacts, count: int) -> Contacts:
     ends = crystal.i[pairs], crystal.j[pairs]
     graph = coo_array((np.ones(len(ends[0])), ends), (spheres, spheres)).tocsr()
     chosen = breadth_first_order(graph, 0, directed=False, return_predecessors=False)[:count]
-    place = np.full(spheres + 1, -1)  # the last one is that of a wall, whose index is −1
+    place = np.full(spheres + 1, -1)  # the last entry is for walls, whose index is −1
     place[chosen] = np.arange(len(chosen))
     kept = (place[crystal.i] >= 0) & (crystal.on_wall | (place[crystal.j] >= 0))
     own = {each.name: getattr(crystal, each.name)[kept] for each in fields(crystal) if each.name not in _OF_SPHERES}
@@ -419,7 +423,7 @@ def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, 
 
         Γ = ½ c Σ_contacts (δN² + δS²) / Σ_spheres (m/m0) (u² + Ĩ f²)
 
-    The formula is the power of the dashpots over twice the energy of the mode and holds for weak damping (Γ ≪ Ω).
+    The formula is the power of the dashpots divided by twice the energy of the mode; it holds for weak damping, Γ ≪ Ω.
 
     Parameters
     ----------
@@ -428,7 +432,7 @@ def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, 
     viscosity : float
         Dashpot c of a contact, along its normal and along its tangent, in m/t0.
     shear : bool
-        True if the tangent has a dashpot.
+        True if contacts have a dashpot along the tangent too.
     """
     normal, tangential = contact_stretches(lattice, sphere, mode)
     squares = np.sum(normal**2) + (np.sum(tangential**2) if shear else 0.0)
@@ -436,7 +440,7 @@ def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, 
 
 
 def kinetic_parts(lattice: Contacts, sphere: Sphere, mode: Mode) -> tuple[float, float]:
-    """Return Σ (m/m0) u² and Σ (m/m0) Ĩ f² over a cell: kinetic energies of displacement and of rotation."""
+    """Return Σ (m/m0) u² and Σ (m/m0) Ĩ f² over a cell: the kinetic energies of displacement and of rotation."""
     mass = lattice.mass / sphere.mass if mode.cell else np.ones(1)
     squares = mass @ np.abs(mode.shape()) ** 2
     return float(squares[:FX].sum()), float(INERTIA_RATIO * squares[FX:].sum())
@@ -448,11 +452,11 @@ def _wavevector(sphere: Sphere, vector: WaveVector) -> Floats:
 
 
 def _sign(name: str, vector: WaveVector, shape: NDArray[Any]) -> float:
-    """Return +1 or −1, which makes the larger of p and q positive.
+    """Return the sign (+1 or −1) that makes the larger of p and q positive.
 
-    If both vanish it makes f negative, except for TR along y.
+    If both vanish, the sign makes f negative, except for TR along y, where f is positive.
     """
     larger = max(vector.along(*shape[:2]), vector.across(*shape[:2]), key=abs)
-    if abs(larger) > 1e-9:  # along y a vanishing q is proportional to sin ξ, so the else branch is ξ = π to rounding
+    if abs(larger) > 1e-9:  # along y q vanishes as sin ξ, so the code below is reached only at ξ = π, to rounding
         return float(np.sign(larger))
     return float(np.sign(shape[F])) * (1 if name == "TR" and vector.axis == "y" else -1)

@@ -1,26 +1,28 @@
-"""Energy of a crystal as a function of where its spheres are and of the size of its box.
+"""Energy of a crystal as a function of the positions of its spheres and of the size of its box.
 
-A sphere whose place in the lattice is X and whose displacement is u sits at x = (1 + e)(X + u), with the strains e of
-the box. All have D components: 3 in space, 2 of spheres that stay in their plane. Without friction the energy of the
-crystal, less the work of the loads T on the box, is
+A sphere with the place X in the lattice and the displacement u is at x = (1 + e)(X + u), where e are the strains of the
+box. All have D components: 3 in space, 2 for spheres that stay in their plane. Without friction the energy of the
+crystal, minus the work of the loads T on the box, is
 
     E(u, e) = Σ_pairs V(δ) + T·e,    V(δ) = ∫ f_N dδ from where the contact ends, and 0 beyond
 
 with the force f_N of the contact law (`granular_lmp.crystal.adhesion_laws`), A δ^{3/2} − F by the DMT law. The energy
-of an adhesive contact has a kink where it ends, at δ = 0 by the DMT law, as the force sets in at −F there. It is a
-ridge and not a valley: at rest no pair is just about to part, and which pairs touch depends on the way to the rest.
+of an adhesive contact has a kink where the contact ends, at δ = 0 by the DMT law, because the force begins with −F
+there. The kink is a ridge, not a valley: at rest no pair is just about to part, and the path to the rest determines
+which pairs touch.
 
-A JKR contact ends beyond δ = 0 and begins there. On the way to rest it begins where it ends: spheres that come to rest
-within the pull-off distance of each other adhere, as if they had been pressed together before. The energy would not be
-a function of the places otherwise, and this is how LAMMPS is told of the contacts (page Contact laws).
+A JKR contact begins at δ = 0 and ends beyond. During relaxation it begins where it ends: spheres that come to rest
+within the pull-off distance of each other adhere, as if they had been pressed together before. Otherwise the energy
+would not be a function of the positions. The deck passes the contacts to LAMMPS in the same way (page Contact laws).
 
-**Digits.** An overlap is the small rest of a distance, 2.5e-4 of it between microspheres. Displacements are therefore
-kept apart from places, and the stretch of a pair is taken from the displacements, |d + w| − |d| = w·(2d + w)/(|d + w| +
-|d|). Overlaps then have a relative rounding of 1e-12 in a crystal of any size; positions of 1e5 spheres lose 300 times
-that.
+**Digits.** An overlap is a small difference of distances, 2.5e-4 of a distance between microspheres. Displacements are
+therefore stored separately from places, and give the stretch of a pair: |d + w| − |d| = w·(2d + w)/(|d + w| + |d|).
+Overlaps then have a relative rounding of 1e-12 in a crystal of any size; with positions it would be 300 times as large
+for 1e5 spheres.
 
-**Walls** (`Face`) are planes at rest. They are one more body behind the N spheres, which does not move; a sphere at a
-wall is a pair with it whose vector has a component across the wall only. A plane moves with the box, as held spheres.
+**Walls** (`Face`) are planes at rest. All walls together are one body after the N spheres, which does not move on its
+own. A sphere at a wall is a pair with this body; its vector has only a component normal to the wall. A plane moves with
+the box, as held spheres do.
 
 Units here: length Δ0, force k1 Δ0 and energy k1 Δ0², each of the contact between two spheres of the first material.
 """
@@ -42,7 +44,7 @@ from granular_lmp.frozen import cached_property, dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-# Pairs that are this far from touching are looked at too, in radii; a next neighbour in the lattices is 0.8 away.
+# Largest gap of listed pairs, in radii; the second neighbours in the lattices have a gap of 0.8
 SKIN = 0.4
 
 
@@ -53,15 +55,15 @@ class Pairs:
     Attributes
     ----------
     i, j : (C,) int arrays
-        The last pairs are those with walls, which have j = N.
+        Spheres of each pair; pairs with walls come last and have j = N.
     vector : (D, C) array
-        d, from the place of i to that of j or of its image, or to the foot point on the wall.
+        d, from the place of i to the place of j or of its image, or to the foot point on the wall.
     length, overlap : (C,) arrays
         |d|, and δ at these places.
     law : AdhesionLaw
         Law of each contact.
     bearing : (C,) bool array
-        False between two held spheres, which bear all and do not push.
+        False between two held spheres, whose contact has no force here.
     face : (W,) int array
         Index of the wall of each of the last W pairs.
     searched : ((N, D) array, (D,) array)
@@ -80,11 +82,11 @@ class Pairs:
 
     @property
     def between(self) -> int:
-        """Number of pairs of two spheres, which are the first."""
+        """Number of pairs of two spheres, which come first."""
         return len(self.i) - len(self.face)
 
     def of(self, which: Integers) -> "Pairs":
-        """Return some of the pairs, by ascending indices."""
+        """Return some of the pairs, selected by ascending indices."""
         return Pairs(
             i=self.i[which],
             j=self.j[which],
@@ -104,14 +106,18 @@ class State:
 
     Attributes
     ----------
+    pairs : Pairs
+        Pairs of the crystal.
+    u, e : (N, D) and (D,) arrays
+        Displacements and strains.
     vector : (D, C) array
-        From sphere to sphere.
+        Vector from sphere to sphere.
     length, overlap, contact_force : (C,) arrays
-        The overlap is negative where there is a gap.
+        Length of the vector, overlap (negative for a gap) and f_N of each pair.
     force : (N, D) array
         −∂E/∂u; 0 on held spheres.
     stress : (D,) array
-        −∂E/∂e, less the loads; 0 along axes on which the box does not breathe.
+        −∂E/∂e, which includes the loads; 0 along axes along which the box keeps its length.
     """
 
     pairs: Pairs
@@ -126,17 +132,17 @@ class State:
 
     @cached_property
     def energy(self) -> Floats:
-        """Energy of each pair, (C,); few steps of a relaxation ask for it."""
+        """Energy of each pair, (C,); computed on demand, because most steps of a relaxation do not use it."""
         return np.asarray(self.pairs.bearing * self.pairs.law.energy(self.overlap))
 
     @property
     def normal_stiffness(self) -> Floats:
-        """d²V/dδ² of each pair, (C,), 0 where it does not touch."""
+        """d²V/dδ² of each pair, (C,), 0 for a pair that does not touch."""
         return self._closed(self.pairs.law.normal_stiffness)
 
     @property
     def shear_stiffness(self) -> Floats:
-        """df_S/ds of each pair, (C,), 0 where it does not touch."""
+        """df_S/ds of each pair, (C,), 0 for a pair that does not touch."""
         return self._closed(self.pairs.law.shear_stiffness)
 
     def _closed(self, stiffness: Callable[[Floats], Floats]) -> Floats:
@@ -145,31 +151,34 @@ class State:
 
     @property
     def stiffness_across(self) -> Floats:
-        """−f_N/|d| of each pair, (C,): contacts that push turn away."""
+        """Stiffness −f_N/|d| of each pair across the contact, (C,); negative for contacts that push."""
         return -self.contact_force / self.length
 
     @property
     def all_forces(self) -> Floats:
-        """Forces on all u, and then on e, (DN + D,)."""
+        """Forces on all u, followed by the forces on e, (DN + D,)."""
         return np.append(self.force, self.stress)
 
 
 @dataclass(frozen=True, eq=False)
 class Potential:
-    """Parameters of the energy of a crystal; see the module.
+    """Energy of a crystal with its parameters; see the module.
 
     Attributes
     ----------
     crystal : ase.Atoms
         Spheres at their places in the lattice, lengths in radii of the first material.
     materials : tuple of Sphere
+        Materials by index.
     free : (N,) bool array
-        Spheres that move on their own; the others move with the box. With walls there is one body more, (N + 1,).
+        True for spheres that move on their own; the others move with the box. With walls there is one more body,
+        (N + 1,).
     breathing : (D,) bool array
-        Axes along which the box does.
+        True for axes along which the box changes its length.
     load : (D,) array
-        T.
+        Loads T, in k1 Δ0².
     faces : tuple of Face
+        Walls.
     """
 
     crystal: ase.Atoms
@@ -191,43 +200,43 @@ class Potential:
 
     @cached_property
     def neighbour(self) -> float:
-        """2R in Δ0, about the distance of neighbours: how far a strain of 1 moves them against each other."""
+        """2R in Δ0, approximately the distance of neighbours and thus their relative displacement by a strain of 1."""
         return 2 / self.unit
 
     @cached_property
     def mass(self) -> Floats:
-        """Mass 1 of every u and N (2R)² of each e, with which a strain weighs as much as the motion that it makes."""
+        """Mass 1 of every u and N (2R)² of each e, so that a strain counts as much as the motion that it causes."""
         return np.append(np.ones(self.axes * len(self.free)), np.full(self.axes, len(self.free) * self.neighbour**2))
 
     def energy(self, state: State) -> float:
-        """Return E, which falls on the way to rest, k1 Δ0²."""
+        """Return E, k1 Δ0², which falls on the path to rest."""
         return float(np.sum(state.energy) + self.load @ state.e)
 
     def energy_change(self, before: State, after: State) -> float:
-        """Return by how much the energy, and the work on the loads, has risen between two states."""
+        """Return the change of E between two states."""
         e = after.e - before.e
-        # Pair by pair, as the sum over a large crystal has lost the last digits of a small change
+        # Pair by pair, because sums over a large crystal lose the last digits of a small change
         change = float(np.sum(after.energy - before.energy) + self.load @ e)
         if abs(change) > 1e-14 * len(before.energy):
             return change
-        # Changes that are lost to rounding even so are known from the work of the forces
+        # Smaller changes, which are still lost to rounding, follow from the work of the forces
         u = after.u - before.u
         return -0.5 * float(np.sum((before.force + after.force) * u) + np.sum((before.stress + after.stress) * e))
 
     def residual(self, state: State) -> float:
-        """Return the largest force on a free sphere, or that the box puts on the mean one, in k1 Δ0."""
+        """Return the largest force on a free sphere, or the force of the box per sphere if this is larger, in k1 Δ0."""
         on_box = state.stress / self.neighbour / len(state.u)
         return float(max(np.abs(state.force).max(), np.abs(on_box).max()))
 
     def renewed(self, state: State) -> State:
-        """Return the state with its pairs searched anew before any is missed; else the same object."""
+        """Return the state with a new search of pairs if a pair could be missed soon; otherwise the same object."""
         u, e = state.pairs.searched
-        # A strain moves neighbours by a part of their distance, of about two radii
+        # A strain moves neighbours by this share of their distance, which is about two radii
         moved = np.abs(state.u - u).max() * self.unit + np.abs(state.e - e).max() * 2
         return state if moved <= SKIN / 4 else self.at(state.u, state.e)
 
     def start(self) -> State:
-        """Return the state from which spheres are let go: at their places, or against the wall that they touch."""
+        """Return the state from which spheres are released: at their places, or against the wall that they touch."""
         u, beside = np.zeros((len(self.free), self.axes)), [face.touches(self.crystal) for face in self.faces]
         larger = (self.crystal.arrays["radius"] - 1) / self.unit
         for face, touches in zip(self.faces, beside, strict=True):
@@ -236,18 +245,18 @@ class Potential:
         return self.at(u, np.zeros(self.axes))
 
     def at(self, u: Floats, e: Floats) -> State:
-        """Return the state at a displacement and a strain, with the pairs that are near each other there."""
+        """Return the state at displacements and strains, with the pairs that are near each other there."""
         return self.state(self.pairs(u, e), u, e)
 
     def pairs(self, u: Floats, e: Floats) -> Pairs:
-        """Return the pairs that touch or are less than `SKIN` apart; two held spheres, which bear all, do not push."""
+        """Return the pairs that touch or are less than `SKIN` apart; pairs of two held spheres do not push."""
         wider = displaced(self.crystal, u[: len(self.crystal)] * self.unit, e)
         radius = self.crystal.arrays["radius"]
         wider.arrays["radius"] = radius + SKIN / 2
         i, j, now = overlapping(wider)
         vector = lattice_vectors(now[:, : self.axes] / (1 + e) - (u[j] - u[i]) * self.unit)
         length = reduce(np.hypot, vector.T)
-        # 1 + 1 less the length first: between equal spheres of the lattice this is exact
+        # 2 − length comes first, because it is exact for equal spheres of the lattice
         overlap = (2 - length) + (radius[i] - 1) + (radius[j] - 1)
         laws, face = [law_between(self.crystal, self.materials, i, j)], np.empty(0, dtype=int)
         for number, each in enumerate(self.faces):
@@ -275,8 +284,8 @@ class Potential:
         )
 
     def state(self, pairs: Pairs, u: Floats, e: Floats) -> State:
-        """Return energies and forces at a displacement and a strain."""
-        # In place: the many steps of a relaxation spend their time here
+        """Return the state, with its forces, at displacements and strains."""
+        # In place, because the many steps of a relaxation spend most time here
         count, scale, place = len(u), (1 + e)[:, None], pairs.vector
         along_axes = np.ascontiguousarray(u.T)
         apart = along_axes.take(pairs.j, axis=1)
@@ -284,7 +293,7 @@ class Potential:
         if e.any():
             apart *= scale
             apart += e[:, None] * place
-        if len(pairs.face):  # along a wall its foot point follows the sphere
+        if len(pairs.face):  # the foot point on a wall follows the sphere along the wall
             apart[:, pairs.between :] *= place[:, pairs.between :] != 0
         vector = place + apart
         apart *= vector + place
@@ -316,12 +325,12 @@ def displaced(lattice: ase.Atoms, displacement: Floats, strain: Floats) -> ase.A
 
 
 def box_load(lattice: ase.Atoms, sphere: Sphere, faces: Sequence[Face] = (), axes: int = 2) -> Floats:
-    """Return the loads T (N m, (D,)) that press a lattice together with the force of its sphere in each contact.
+    """Return the loads T (D,), N m, that compress a lattice with the contact force of its sphere in each contact.
 
         T_a = Σ_contacts f d_a²/|d|,    f = `Sphere.contact_force` between spheres
 
-    It is the force on a face of the box times its distance from the opposite one; contacts between held spheres, which
-    bear all, are left out.
+    A load is the force on a face of the box times the distance of the opposite face. Contacts between held spheres are
+    left out, because these spheres bear any load.
     """
     held = lattice.arrays.get("fixed", np.zeros(len(lattice), dtype=bool))
     contacts = find_contacts(lattice, [sphere], sphere.contact_force)
@@ -345,8 +354,8 @@ def potential_of(
     Raises
     ------
     CrystalError
-        When the cell is skew, spheres that stay in their plane are not in one z = const, nothing presses the spheres
-        together, or there is a load and no box that could take it.
+        If the cell is not rectangular, spheres that stay in their plane have different z, neither adhesion nor a
+        contact force presses the spheres together, or there is a load but no axis along which the box can bear it.
     """
     first = materials[0]
     if not first.holding_force > 0:
@@ -357,7 +366,7 @@ def potential_of(
     cell, axes = crystal.cell.array, len(load)
     sheet = axes == 3 or not (np.ptp(crystal.positions[:, 2]) or crystal.pbc[2])
     if not sheet or (cell - np.diag(np.diag(cell))).any():
-        raise CrystalError("the crystal is not a sheet in the plane z = const in a rectangular cell, which is needed")
+        raise CrystalError("the crystal must be a sheet in a plane z = const, in a rectangular cell")
     held = np.asarray(crystal.arrays.get("fixed", np.zeros(len(crystal), dtype=bool)), dtype=bool)
     breathing = (crystal.pbc[:axes] | _bounded(crystal.positions[held], faces)[:axes]) & breathes
     energy = first.normal_stiffness * first.static_overlap**2
@@ -370,7 +379,7 @@ def potential_of(
 
 
 def _bounded(held: Floats, faces: Sequence[Face]) -> NDArray[np.bool_]:
-    """Return the axes along which the box ends twice, (3,): by held spheres and walls, along z by walls alone."""
+    """Return the axes along which the box is bounded at both ends, (3,): by held spheres or walls, along z by walls."""
     walls = np.bincount([face.axis for face in faces], minlength=3)
     spread = np.ptp(held, axis=0) > 0 if len(held) else np.zeros(3, dtype=bool)
     both = spread | (len(held) > 0) & (walls > 0)

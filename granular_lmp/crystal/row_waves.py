@@ -1,11 +1,11 @@
-"""Rows of a lattice as a chain, and its waves along y at a frequency: those that run and those that only decay.
+"""Rows of a lattice as a chain, and all its waves along y at one frequency, running and evanescent.
 
 In a wave along y all spheres of a row move alike. With X_n = (u, v, φ) of row n and time e^{−iΩτ},
 
     K₋ X_{n−1} + (K₀ − Ω²M) X_n + K₊ X_{n+1} = 0,    X_n = s λⁿ
 
-where K₀ + K₊e^{iξ} + K₋e^{−iξ} is the Bloch matrix. At a frequency there are twice as many waves s λⁿ as freedoms; half
-of them leave to +n: |λ| < 1, or |λ| = 1 and the energy runs there.
+where K₀ + K₊e^{iξ} + K₋e^{−iξ} is the Bloch matrix. At one frequency there are twice as many waves s λⁿ as freedoms.
+Half of the waves leave to +n: these have |λ| < 1, or |λ| = 1 and an energy flux to +n.
 """
 
 from dataclasses import fields, replace
@@ -21,8 +21,8 @@ from granular_lmp.errors import CrystalError
 from granular_lmp.frozen import dataclass
 
 Complexes = NDArray[np.complexfloating]
-_RUNS = 1e-6  # ||λ| − 1| of a wave that runs; rounding leaves 1e-8 of it next to the edge of a band
-_LEAST_FLUX = 1e-6  # A wave that carries less, in units of the stiffness, stands
+_RUNS = 1e-6  # largest ||λ| − 1| of a running wave; rounding leaves 1e-8 next to the edge of a band
+_LEAST_FLUX = 1e-6  # least flux of a running wave, in units of the stiffness; a wave with less stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +42,11 @@ class RowWaves:
     Attributes
     ----------
     factor : (2J,) array
-        λ; J is the number of freedoms. The first J leave to +n, the others to −n.
+        λ; J is the number of freedoms. The first J waves leave to +n, the others to −n.
     shape : (J, 2J) array
-        s as columns. Those that run carry the same energy flux, 1 in units of the line.
+        s as columns. All running waves carry the same energy flux, 1 in units of the line.
     names : tuple of str
-        L, TR or RT of those that run, "" of the others.
+        L, TR or RT for running waves, "" for the others.
     """
 
     factor: Complexes
@@ -60,7 +60,7 @@ class RowWaves:
 
 
 def line_of(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> Line:
-    """Return the rows of a lattice of one sphere a cell as a chain, from its Bloch modes at three wave numbers along y.
+    """Return the rows of a lattice with one sphere per cell as a chain, from Bloch modes at three wave numbers along y.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ def line_of(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> Line:
 def waves(line: Line, still: Complexes) -> tuple[Complexes, Complexes]:
     """Return λ and s (one column each) of the solutions s λⁿ of the perfect lattice; `still` is K₀ − Ω²M.
 
-    Where a row does not resist every motion of the next one, as in the square lattice and the chain, some solutions end
-    after one row: λ is 0 or infinite. With λ = (z + 1)/(z − 1) they have z = ∓1, and all are eigenvectors of
+    If a row does not resist every motion of the next row, as in the square lattice and the chain, some solutions end
+    after one row: λ is 0 or infinite. With λ = (z + 1)/(z − 1) these have z = ∓1, and all solutions are eigenvectors of
 
         z² (K₊ + K₀ + K₋) + 2z (K₊ − K₋) + (K₊ − K₀ + K₋)
 
-    whose first matrix is regular unless a wave of the frequency is infinitely long.
+    with K₀ replaced by `still`. The first matrix is regular unless a wave of this frequency is infinitely long.
     """
     count, sides = len(still), line.ahead + line.behind
     step = np.linalg.solve(sides + still, np.hstack([still - sides, 2 * (line.behind - line.ahead)]))
@@ -107,29 +107,30 @@ def waves(line: Line, still: Complexes) -> tuple[Complexes, Complexes]:
 
 
 def flux(line: Line, before: Complexes, here: Complexes) -> NDArray[np.float64]:
-    """Return the energy flux from a row to the one before, up to a factor: Im(X₋₁† K₊ X₀), (...) of rows (..., D)."""
+    """Return the energy flux (...) from a row to the row before, up to a factor: Im(X₋₁† K₊ X₀), for rows (..., D)."""
     return np.sum(before.conj() * (here @ line.ahead.T), axis=-1).imag
 
 
 def row_waves(line: Line, frequency: float, physics: Physics = FULL) -> RowWaves:
-    """Return the waves along y of a frequency in rad/t0.
+    """Return the waves along y at a frequency in rad/t0.
 
     Raises
     ------
     CrystalError
-        At the edge of a band, where a wave stands, and in a lattice that has no wave of some freedom, as a chain.
+        At the edge of a band, where a wave stands, and in a lattice whose rows do not resist every motion of the next
+        row, such as a chain.
     """
     still = line.on_site - frequency**2 * np.diag(line.mass)
     if np.linalg.cond(line.ahead) > 1 / _RUNS**2:
         raise CrystalError(
-            "packing.lattice: rows must resist every motion of the next one, as in the hexagonal lattice"
+            "packing.lattice: each row must resist every motion of the next row, as in the hexagonal lattice"
         )
     factor, shape = waves(line, still)
     runs = np.abs(np.abs(factor) - 1) < _RUNS
     carried = np.array([-flux(line, s, s * step) for s, step in zip(shape.T, factor, strict=True)])
     onward = np.where(runs, carried > 0, np.abs(factor) < 1)
     if np.any(np.abs(carried[runs]) < _LEAST_FLUX * np.abs(line.ahead).max()) or 2 * onward.sum() != len(factor):
-        raise CrystalError(f"frequency = {frequency:.6g} rad per t0: is at the edge of a band, where a wave stands")
+        raise CrystalError(f"frequency = {frequency:.6g} rad per t0 is at the edge of a band, where a wave stands")
     shape = shape / np.where(runs, np.sqrt(np.abs(carried)), 1.0)
     order = np.argsort(~onward, kind="stable")
     names = tuple(_name(line, physics, frequency, factor[k], shape[:, k]) if runs[k] else "" for k in order)
@@ -148,9 +149,10 @@ def _name(line: Line, physics: Physics, frequency: float, factor: complex, shape
 
 
 def lattice_at(contacts: Contacts, sphere: int) -> Contacts:
-    """Return the contacts of the perfect lattice that a sphere of a crystal is a part of, as those of one sphere.
+    """Return the contacts of the perfect lattice around a sphere of a crystal, as the contacts of a cell of one sphere.
 
-    Its contacts along +x and to the row above stand for all of them, so that its neighbours must be as it is.
+    The contacts of the sphere along +x and to the row above represent all contacts of the lattice, so its neighbours
+    must be equal to it.
     """
     first, second = contacts.i == sphere, contacts.j == sphere
     vector = np.concatenate([contacts.vector[first], -contacts.vector[second]])

@@ -1,15 +1,15 @@
-"""Units of length and time of a scene: from its spheres at rest, or from an impact.
+"""Units of length and time of a scene, from its spheres at rest or from an impact.
 
-Spheres that adhesion or compression holds together have an overlap at rest, Δ0, and the time t0 of their linear waves
+Spheres held together by adhesion or compression have an overlap at rest, Δ0, and the time t0 of their linear waves
 (`granular_lmp.crystal.sphere`). Spheres that just touch have neither. For an impact, on touching spheres or on a
 compressed chain, the velocity v of the fastest striker, the mass m of a sphere and the coefficient A of the Hertz force
 A δ^{3/2} give the scale:
 
     ℓ = (m v²/A)^{2/5},   t0 = ℓ/v = (m²/(A² v))^{1/5},
 
-so that A = m = v = 1. The motion of spheres along a line is then the same at every velocity; so is that of a sheet, up
-to rotations of its contacts of order ℓ/R. Two equal spheres that meet with v overlap by at most 0.829 ℓ, and touch for
-2.439 t0.
+so that A = m = v = 1. In these units the motion of spheres along a line is the same at every velocity, and so is the
+motion of a sheet, up to rotations of its contacts of order ℓ/R. Two equal spheres that meet with the velocity v overlap
+by at most 0.829 ℓ and touch for 2.439 t0.
 """
 
 from math import gamma, pi, sqrt
@@ -22,7 +22,7 @@ __all__ = ["Scale"]
 
 # Hertz: (4√π/5) Γ(2/5)/Γ(9/10) (5/4)^{2/5} = 3.2181 (Landau & Lifshitz, Theory of Elasticity, section 9)
 _COLLISION = 0.8 * sqrt(pi) * gamma(0.4) / gamma(0.9) * 1.25**0.4
-# LAMMPS's DEM contact laws hold for rigid spheres with a small overlap, of this share of the diameter at most
+# Largest overlap, as a share of the diameter, for LAMMPS's DEM contact laws: they assume rigid spheres
 LARGEST_OVERLAP_RATIO = 0.05
 DEEPEST = 0.625**0.4  # largest overlap of two equal spheres, in ℓ: (5μ/4m)^{2/5} with μ = m/2
 
@@ -41,7 +41,7 @@ class Scale:
     mass: float
     length: float
     time: float
-    of_impact: bool = False  # the unit of velocities is that of the sphere that is the fastest at the beginning
+    of_impact: bool = False  # True: the unit of velocities is the velocity of the initially fastest sphere
 
     @classmethod
     def of(cls, sphere: Sphere, velocity: float = 0.0) -> Self:
@@ -66,11 +66,11 @@ class Scale:
 
     @property
     def symbol(self) -> str:
-        """Name of the unit of lengths, for a figure."""
+        """Symbol of the unit of lengths, for a figure."""
         return r"\ell" if self.of_impact else r"\Delta_0"
 
     def force(self, length: float, stiffness: float) -> float:
-        """Return the unit of force for a unit of length, N: m ℓ/t0² in an impact, else stiffness (N/m) times ℓ."""
+        """Return the unit of force, N, for a unit of length: m ℓ/t0² for an impact, else stiffness (N/m) × length."""
         return self.mass * length / self.time**2 if self.of_impact else stiffness * length
 
     @property
@@ -80,7 +80,7 @@ class Scale:
 
 
 def collision_time(mass: float, stiffness: float = 1.0) -> float:
-    """Return how long two spheres touch that meet with the velocity 1 of an impact, T = 3.218 (μ²/A²)^{1/5}.
+    """Return the contact time T = 3.218 (μ²/A²)^{1/5} of two spheres that meet with the velocity 1 of an impact.
 
     Parameters
     ----------

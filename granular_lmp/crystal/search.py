@@ -1,8 +1,8 @@
-"""The search for overlapping pairs of spheres in a crystal with any cell, even one smaller than a sphere.
+"""Search for overlapping pairs of spheres in a crystal with any cell, even a cell smaller than a sphere.
 
-The spheres and their periodic images are sorted into square bins as wide as the largest diameter, so that each sphere
-is compared only with those in the bins around its own. `ase.neighborlist` finds the same pairs, but its import takes
-longer than the build of a deck, as it loads SciPy's sparse matrices.
+The spheres and their periodic images are sorted into cubic bins as wide as the largest diameter, so each sphere is
+compared only with the spheres in its own and the adjacent bins. `ase.neighborlist` finds the same pairs, but loads
+SciPy's sparse matrices, so its import takes longer than the build of a deck.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from granular_lmp.crystal.blocks import blocks
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-# Vectors of the lattice that differ by less are one vector, in radii: coordinates are rounded to 1e-13 of them.
+# Lattice vectors that differ by less are equal, in radii; coordinates have a relative rounding of 1e-13
 _SAME_VECTOR = 1e-8
 
 
@@ -32,10 +32,10 @@ def overlapping(crystal: ase.Atoms) -> tuple[Integers, Integers, Floats]:
     Returns
     -------
     i, j : (C,) int arrays
-        Spheres of the pairs, i <= j, in ascending order. A sphere may touch its own images, and another one several
-        times.
+        Spheres of the pairs, i <= j, in ascending order. A sphere may touch its own images, and may touch several
+        images of another sphere.
     vector : (C, 3) array
-        Vector from the centre of i to that of j, or of the image of j that i touches.
+        Vector from the centre of i to the centre of j, or of the image of j that i touches.
     """
     radius = np.asarray(crystal.arrays["radius"], dtype=float)
     reach = 2 * radius.max()
@@ -57,23 +57,23 @@ def overlapping(crystal: ase.Atoms) -> tuple[Integers, Integers, Floats]:
 
 
 def lattice_vectors(vector: Floats) -> Floats:
-    """Return the vectors (C, 2) with those that differ by rounding only made the same, each the mean of its like.
+    """Return vectors (C, D) in which all vectors that differ only by rounding are replaced by their mean.
 
-    A perfect lattice has then exactly the same contact everywhere. Vectors that are not of a lattice stay as they are.
+    A perfect lattice then has exactly the same contact everywhere. All other vectors are unchanged.
     """
     key = np.round(vector / _SAME_VECTOR)
-    # A vector and its opposite are alike too: few contacts cross a periodic face, all rounded in the same way
+    # Opposite vectors are averaged too, because the few contacts across a periodic face all have the same rounding
     sign = np.sign(reduce(lambda before, part: np.where(part == 0, before, part), key.T))[:, None]
     _, first, like = np.unique(key * sign, axis=0, return_index=True, return_inverse=True)
     like, vector = like.ravel(), vector * sign
-    away = vector - vector[first][like]  # small: a sum of many whole vectors would be rounded more than they are
+    away = vector - vector[first][like]  # small differences: a sum of many whole vectors would add rounding
     count = np.bincount(like)
     mean = np.column_stack([np.bincount(like, part) / count for part in away.T])
     return (vector[first] + mean)[like] * sign
 
 
 def _images(crystal: ase.Atoms, reach: float) -> tuple[Integers, Integers]:
-    """Return the spheres and those of their images within reach of the box around all spheres: owner and cell shift."""
+    """Return all spheres, and their images within reach of the box around all spheres, by owner and cell shift."""
     cell, positions = crystal.cell.array, crystal.positions
     # Distance of opposite faces of the cell, and the extent of the spheres across them
     heights = 1 / np.linalg.norm(np.linalg.inv(cell), axis=0)
@@ -86,7 +86,7 @@ def _images(crystal: ase.Atoms, reach: float) -> tuple[Integers, Integers]:
     owners, shifts = [], []
     for image in np.flatnonzero(near.all(axis=1)):
         inside = np.arange(len(positions))
-        for axis in np.flatnonzero(offsets[image]):  # few are left of an image
+        for axis in np.flatnonzero(offsets[image]):  # after each axis fewer spheres of this image are left
             place = positions[inside, axis] + offsets[image, axis]
             inside = inside[(low[axis] <= place) & (place <= high[axis])]
         owners.append(inside)
@@ -95,24 +95,24 @@ def _images(crystal: ase.Atoms, reach: float) -> tuple[Integers, Integers]:
 
 
 def _near(positions: Floats, places: Floats, reach: float) -> Iterator[tuple[Integers, Integers]]:
-    """Yield the pairs (index of a position, index of a place) in the same bin or in bins side by side.
+    """Yield the pairs (index of a position, index of a place) in the same bin or in adjacent bins.
 
-    The positions are taken in their order, some at a time.
+    The positions are processed in order, in blocks.
     """
-    axes = np.argsort(np.ptp(positions, axis=0), kind="stable")  # the longest last
+    axes = np.argsort(np.ptp(positions, axis=0), kind="stable")  # the longest axis last
     origin = positions.min(axis=0) - 2 * reach
     bins = np.floor((places - origin) / reach).astype(np.int64)[:, axes]
     size = bins.max(axis=0) + 2
     key = np.ravel_multi_index(tuple(bins.T), size)
     order = np.argsort(key, kind="stable")
     key = key[order]
-    flat = np.ptp(bins, axis=0)[:2] == 0  # a single bin has none at its sides
+    flat = np.ptp(bins, axis=0)[:2] == 0  # axes with a single bin have no adjacent bins
     sides = [(0,) if alone else (-1, 0, 1) for alone in flat]
     for block in blocks(len(positions)):
         own = np.floor((positions[block] - origin) / reach).astype(np.int64)[:, axes]
         at = np.ravel_multi_index(tuple(own.T), size)
         first, second = [], []
-        # Bins that follow one another along the last axis are neighbours in the sorted list too: one range holds three
+        # Successive bins along the last axis are also successive in the sorted list: one range has all three of them
         for across in product(*sides):
             middle = at + (across[0] * size[1] + across[1]) * size[2]
             start = np.searchsorted(key, middle - 1, side="left")

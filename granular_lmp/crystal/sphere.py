@@ -1,6 +1,6 @@
 """Material and size of the spheres, and the constants of the contact between two of them.
 
-Two equal elastic spheres that touch through a DMT normal force and a Mindlin shear force,
+Two equal elastic spheres in contact have a DMT normal force and a Mindlin shear force,
 
     f_N(δ) = A δ₊^{3/2} − F,   F = 2π w Rc            (paper, eq. springN; Derjaguin, Muller & Toporov 1975)
     f_S(ξ, δ) = B ξ δ₊^{1/2}                           (paper, eq. springS; Mindlin 1949)
@@ -20,7 +20,8 @@ from granular_lmp.frozen import cached_property, dataclass
 __all__ = ["Sphere"]
 
 INERTIA_RATIO = 2 / 5  # Ĩ = I/(mR²) of a solid sphere, fixed in LAMMPS's sphere styles too
-# Equilibrium distance of surfaces, m, and Tabor's parameter where each law is right (`Sphere.tabor_parameter`)
+# Range of the equilibrium distance of surfaces, m, and ranges of Tabor's parameter where each law is right
+# (`Sphere.tabor_parameter`)
 SURFACE_DISTANCES = 4e-10, 1.6e-10
 DMT_BELOW, JKR_ABOVE = 0.1, 5.0
 
@@ -211,7 +212,7 @@ class Sphere:
         return float(-sqrt(3) * amplitude * (4 * shear * kappa + 12 * normal) / (4 * (kappa + 3)))
 
     def tabor_parameter(self, range_of_forces: float) -> float:
-        """Return Tabor's parameter μ = (Rc w²/(E*² z³))^{1/3}, which tells the suitable adhesion law.
+        """Return Tabor's parameter μ = (Rc w²/(E*² z³))^{1/3}, which determines the suitable adhesion law.
 
         It is the elastic deformation by adhesion over the range z of the surface forces: the DMT law is right below
         about 0.1, the JKR law above 5, and the Maugis law in between (Tabor, J. Colloid Interface Sci. 58, 2 (1977);
@@ -227,7 +228,7 @@ class Sphere:
 
     @property
     def nearer_law(self) -> str:
-        """Name of the adhesion law that Tabor's parameter suggests; between both ranges, the nearer one."""
+        """Name of the adhesion law that Tabor's parameter suggests; between the two ranges, the nearer law."""
         lowest, highest = (self.tabor_parameter(each) for each in SURFACE_DISTANCES)
         return "dmt" if lowest * highest < DMT_BELOW * JKR_ABOVE else "jkr"
 
@@ -249,8 +250,8 @@ class Sphere:
 
             c = √5 |ln e| / √(π² + ln² e) · √(m_eff A) Δ0^{1/4},    m_eff = m/2
 
-        Every head-on collision then ends at e times its speed (Antypov & Elliott, EPL 94, 50004 (2011)). The law is
-        ``damping coeff_restitution`` in LAMMPS.
+        Spheres then leave every head-on collision with e times their speed (Antypov & Elliott, EPL 94, 50004 (2011)).
+        The law is ``damping coeff_restitution`` in LAMMPS.
         """
         share = -log(restitution) / sqrt(pi**2 + log(restitution) ** 2)
         return sqrt(5) * share * sqrt(self.mass / 2 * self.normal_coefficient) * self.static_overlap**0.25

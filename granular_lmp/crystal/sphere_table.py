@@ -1,14 +1,14 @@
-"""Values of single spheres of a crystal, by the number of their place in the lattice: a table.
+"""Table of values for single spheres of a crystal, by the number of their place in the lattice.
 
-A table gives densities, radii and factors of stiffness. The factors s of two spheres give that of their contact by
+A table has densities, radii and stiffness factors. The factors s of two spheres give the factor of their contact,
 
     c = 2 s_i s_j/(s_i + s_j),    with a wall c = s_i
 
-the factor of two springs in series, as E* follows from the moduli of two materials. It scales the force of the law at
-every overlap (`granular_lmp.crystal.stiffnesses`).
+as for two springs in series, in the same way as E* follows from the moduli of two materials. The factor scales the
+force of the law at every overlap (`granular_lmp.crystal.stiffnesses`).
 
-A table is the name of a file that only its values determine, ``spheres-0123456789abcdef.csv``. So scenes that hold the
-same values are equal, and a scene file beside which that file lies is read back.
+A table is represented by the name of its file, ``spheres-0123456789abcdef.csv``, which depends only on the values.
+Scenes with the same values are therefore equal, and a scene file can be read back if this file lies beside it.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from granular_lmp.errors import CrystalError
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-SITE = "sphere"  # the column of the number of the place in the lattice, from 0
+SITE = "sphere"  # column with the number of the place in the lattice, from 0
 STIFFNESSES = ("normal_stiffness", "shear_stiffness")
 HEADS = {
     SITE: SITE,
@@ -31,20 +31,20 @@ HEADS = {
     "radius": "radius_m",
     **{each: each for each in STIFFNESSES},
 }
-_DIGITS = 16  # of the digest in a name
+_DIGITS = 16  # number of digits of the digest in a name
 PATTERN = rf"spheres-[0-9a-f]{{{_DIGITS}}}\.csv"
 
 
 class SphereTable(str):
-    """The values of single spheres, as the name of the file that holds them; "" without any.
+    """Values for single spheres; as a string, the name of the file with these values, or "" for an empty table.
 
     Attributes
     ----------
     columns : mapping of str to array
-        The values by the names of `HEADS`, in SI units, nan where a sphere keeps that of the scene. Without ``sphere``
-        there is one of each place, in the order of the lattice.
+        Values by the names of `HEADS`, in SI units, nan where a sphere has the value of the scene. Without the column
+        ``sphere`` there is one row for each place, in the order of the lattice.
     said : str
-        What the user wrote for the table.
+        Value that the user wrote for the table.
     """
 
     columns: Mapping[str, Floats]
@@ -74,12 +74,12 @@ class SphereTable(str):
         return any(name in self.columns for name in STIFFNESSES)
 
     def values(self, name: str, count: int, otherwise: float) -> Floats:
-        """Return the values of a column for the places of a lattice, (count,), `otherwise` where the table says none.
+        """Return the values of a column for all places of a lattice, (count,), with `otherwise` for missing values.
 
         Raises
         ------
         CrystalError
-            If the table is of another number of places.
+            If the table does not fit a lattice with this number of places.
         """
         found = np.full(count, otherwise)
         if name not in self.columns:
@@ -90,7 +90,7 @@ class SphereTable(str):
         return found
 
     def levels(self, count: int) -> tuple[Floats, Integers]:
-        """Return the pairs of factors that differ, (L, 2), the first 1 and 1, and which pair each place has."""
+        """Return the distinct pairs of factors, (L, 2), (1, 1) first, and the index (count,) of each place's pair."""
         both = np.stack([self.values(name, count, 1.0) for name in STIFFNESSES], axis=1)
         plain = (both == 1).all(axis=1)
         others, which = np.unique(both[~plain], axis=0, return_inverse=True)
@@ -99,13 +99,13 @@ class SphereTable(str):
         return np.concatenate([np.ones((1, 2)), others]), found
 
     def sites(self, count: int) -> Integers:
-        """Return the place of each row in a lattice of `count` places; CrystalError if one is not there."""
+        """Return the place of each row in a lattice of `count` places; CrystalError if the table does not fit."""
         rows = len(next(iter(self.columns.values())))
         if SITE not in self.columns:
             if rows != count:
                 raise CrystalError(
                     f"packing.table = {self.said!r}: {rows} rows: must be {count}, one for each place of the lattice, "
-                    f"or have a column {SITE}, which counts the places from 0"
+                    f"or the table must have a column {SITE} with numbers of places, counted from 0"
                 )
             return np.arange(count)
         sites = self.columns[SITE].astype(np.int64)
@@ -117,13 +117,13 @@ class SphereTable(str):
         return sites
 
     def extremes(self, name: str) -> list[float]:
-        """Return the smallest and the largest value of a column, [] without any."""
+        """Return the smallest and the largest value of a column; [] if there is none."""
         given = self.columns.get(name, np.empty(0))
         given = given[np.isfinite(given)]
         return [float(given.min()), float(given.max())] if len(given) else []
 
     def differing(self, **declared: float) -> dict[str, float]:
-        """Return the first value of each named column that is not the one that is declared, by name."""
+        """Return the first value of each named column that differs from the declared value, by name."""
         found: dict[str, float] = {}
         for name, value in declared.items():
             given = self.columns.get(name, np.empty(0))
@@ -132,7 +132,7 @@ class SphereTable(str):
         return found
 
     def pieces(self) -> Iterator[str]:
-        """Yield the text of the file in pieces; what is read back has the same name."""
+        """Yield the text of the file in pieces; a table that is read from this text has the same name."""
         yield ",".join(HEADS[name] for name in self.columns) + "\n"
         columns = [(name == SITE, values) for name, values in self.columns.items()]
         for block in blocks(len(columns[0][1])):

@@ -1,7 +1,6 @@
-"""Bounds of the highest frequency of any crystal from its contacts, which limit the time step.
+"""Upper bounds of the highest frequency of any crystal from its contacts, which limit the time step.
 
-The spectrum of the whole crystal is bounded from above without a matrix (`granular_lmp.crystal.lanczos`). Velocity
-Verlet is stable below Δt = 2/Ω_max.
+The bound needs no matrix (`granular_lmp.crystal.lanczos`). Velocity Verlet is stable below Δt = 2/Ω_max.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,15 +21,15 @@ Integers = NDArray[np.int64]
 _Components = Sequence[Floats | float]
 
 
-@lru_cache(maxsize=2)  # a run to a tolerance asks four times
+@lru_cache(maxsize=2)  # a run with a tolerance asks four times
 def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
-    """Return a frequency that no motion of a crystal exceeds, rad/t0.
+    """Return an upper bound of the frequencies of a crystal, rad/t0.
 
     Parameters
     ----------
     contacts : Contacts
-        Contacts of all spheres of the crystal. The bound holds for the waves of a periodic cell; a unit cell holds only
-        Γ, so pass the whole crystal.
+        Contacts of all spheres of the crystal. The bound is valid for the waves that the periodic cell contains; a unit
+        cell contains only Γ, so pass the whole crystal.
     sphere : Sphere
         Reference sphere, whose t0 is the unit of time.
     physics : Physics
@@ -43,8 +42,8 @@ def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL)
 
     Notes
     -----
-    The bound is at most 2e-3 too high for large crystals; held spheres only lower the spectrum. The start is random but
-    the same every time. A start orthogonal to the highest mode would miss it, which has not been observed.
+    The bound is at most 2e-3 too high for large crystals; held spheres only lower the spectrum. The start vector is
+    random, but always the same. A start orthogonal to the highest mode would miss it, which has not been observed.
     """
     if not physics.space:
         require_plane(contacts)
@@ -56,20 +55,22 @@ def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL)
     def apply(motion: Floats) -> Floats:
         return inverse_root_mass * _restoring(springs, inverse_root_mass * motion) * per_mass
 
-    # Drawn sphere by sphere
+    # Random numbers are drawn sphere by sphere
     start = np.random.default_rng(0).standard_normal(mass.T.shape).T * (inverse_root_mass > 0)
     return float(np.sqrt(top_bound(apply, start, int(np.count_nonzero(inverse_root_mass)))))
 
 
 def crude_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
-    """Return a frequency that no motion of a crystal exceeds, rad/t0, in a hundredth of the time of `frequency_bound`.
+    """Return an upper bound of the frequencies of a crystal, rad/t0, in a hundredth of the time of `frequency_bound`.
 
-    A spring of two bodies has at most twice the energy that it has when they move in turn. So with k_s the shear
-    stiffness, k_r that of rolling and f the prestress
+    The energy of a spring between two moving bodies is at most twice the sum of its energies if only one body moves.
+    With the normal stiffness k, shear stiffness k_s, rolling stiffness k_r and prestress f, and sums over the contacts
+    of a sphere,
 
-        Ω² ≤ 2 max over spheres of  Σ max(k, 2k_s) + max(−f, 0)/|d|  over m,  and of  Σ 2k_s + k_r  over I/R²
+        Ω² ≤ 2 max over spheres of { Σ [max(k, 2k_s) + max(−f, 0)/|d|]/m  and  Σ [2k_s + k_r]/(I/R²) }
 
-    Good values: a step below 2/Ω needs no other bound. It is some 1.5 times too high where shear turns equal spheres.
+    Good values: a step below 2/Ω needs no other bound. The bound is about 1.5 times too high if shear turns equal
+    spheres.
     """
     shear = 2 * contacts.shear_stiffness * physics.shear
     pulled = np.maximum(-contacts.contact_force, 0.0) / contacts.length
@@ -87,9 +88,15 @@ def crude_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Springs:
-    """Some contacts, by the components along the axes in which spheres move; a component that is always 0 is a number.
+    """Springs of some contacts, with vectors by component; a component that is always 0 is a number.
 
-    `normal` are n, the next ones k, k_s and −f/|d|; `rolling` is k_r with the arms Rc/Ri and Rc/Rj, or None.
+    Attributes
+    ----------
+    i, j : spheres
+    normal : components of n
+    stiffness, shear, turning : k, k_s and −f/|d|
+    rolling : k_r with the arms Rc/Ri and Rc/Rj, or None
+    coordinates : freedoms that move
     """
 
     i: Integers
@@ -102,12 +109,12 @@ class _Springs:
     coordinates: Sequence[int]
 
     def of(self, motion: Floats, first: int, end: Integers) -> _Components:
-        """Return three components of the motion (6, N + 1) of the spheres at one end, from the first one on."""
+        """Return three components, from index `first`, of the motion (6, N + 1) of the spheres at one end."""
         return [motion[each][end] if each in self.coordinates else 0.0 for each in range(first, first + 3)]
 
 
 def _springs(contacts: Contacts, physics: Physics) -> Iterator[_Springs]:
-    """Yield the contacts some at a time."""
+    """Yield the springs of the contacts in blocks."""
     for part in contacts.parts():
         normal = [part.normals[:, axis].copy() if axis in physics.coordinates else 0.0 for axis in range(3)]
         arms = (part.radius[end] / part.radii for end in (part.j, part.i))
@@ -118,8 +125,8 @@ def _springs(contacts: Contacts, physics: Physics) -> Iterator[_Springs]:
 
 
 def _restoring(springs: Sequence[_Springs], motion: Floats) -> Floats:
-    """Return minus the forces and torques/R (6, N) of the contacts on spheres that move by (u, φ), (6, N)."""
-    moving = np.column_stack([motion, np.zeros(6)])  # a wall, whose index is −1, is still
+    """Return minus the contact forces and torques/R (6, N) on spheres that move by (u, φ), (6, N)."""
+    moving = np.column_stack([motion, np.zeros(6)])  # a wall, whose index is −1, does not move
     back = np.zeros_like(moving)
     for each in springs:
         ends, n = (each.i, each.j), each.normal

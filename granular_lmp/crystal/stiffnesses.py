@@ -1,21 +1,23 @@
-"""Contacts that are stiffer than the law of their materials says: as measured, by pair of kinds, and with a spread.
+"""Factors of contact stiffnesses that differ from the law of the materials: measured, by pair of kinds, or spread.
 
-A factor scales the force of a law at every overlap. Contacts that nothing presses keep their overlap, so that spheres
-at rest in a lattice stay there, and the second derivative of the force scales as the first one does.
+A factor scales the force of a law at every overlap. Unloaded contacts keep their overlap, so spheres at rest in a
+lattice stay at rest, and the second derivative of the force scales as the first derivative does.
 
-**Measured.** A stiffness K at rest gives the factor c = K/k(δ) of the normal force at the overlap δ where
-c f_N(δ) = F0, the load of a contact; the shear stiffness is measured at the same δ. This holds for all contacts of the
-lattice (``[contact]``), of two kinds (``[[pair]]``) and with a half-space (``[substrate]``).
+**Measured.** A measured stiffness K at rest gives the factor c = K/k(δ) of the normal force, at the overlap δ where
+c f_N(δ) equals the load F0 of a contact; the shear stiffness is measured at the same δ. Measured stiffnesses can be
+given for all contacts of the lattice (``[contact]``), for two kinds (``[[pair]]``) and for contacts with a half-space
+(``[substrate]``).
 
-**Kinds** are 0, the spheres of the lattice, and n, those of the n-th inclusion. Factors of two kinds multiply those of
-the lattice.
+**Kinds.** Kind 0 is the spheres of the lattice, and kind n the spheres of the n-th inclusion. Factors of two kinds
+multiply the factors of the lattice.
 
-**Spread.** Each sphere is drawn into one of eight classes of equal size, as LAMMPS has coefficients by pair of types.
-Class c has the deviate g_c, the mean of a Gaussian over its eighth of the probability, scaled to unit variance, and
+**Spread.** Each sphere belongs at random to one of eight classes of equal size, because LAMMPS has coefficients by pair
+of types. Class c has the deviate g_c, the mean of a Gaussian over its eighth of the probability, scaled to unit
+variance:
 
     factor of a contact of classes c and d = 1 + σ (g_c + g_d)/√2,    of a contact with a wall 1 + σ g_c
 
-Both have the standard deviation σ. Contacts that share a sphere are alike in part, as where roughness differs.
+Both have the standard deviation σ. Contacts that share a sphere are correlated, as if spheres differed in roughness.
 """
 
 from collections.abc import Sequence
@@ -32,26 +34,26 @@ from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 CLASSES = 8
-WIDEST = 0.3  # At this spread the softest contact has 0.28 of the mean stiffness
-_ROUNDS = 60  # Each round takes at least a third off the error of a factor
+WIDEST = 0.3  # with this spread the softest contact has 0.28 of the mean stiffness
+_ROUNDS = 60  # each round reduces the error of a factor by at least a third
 _ROUNDING = 1e-15
 
 
 class Measured(Protocol):
-    """A contact whose stiffnesses at rest, N/m, may be declared; None: those that the law gives."""
+    """Contact whose stiffnesses at rest, N/m, may be declared; None: from the law."""
 
     @property
     def normal_stiffness(self) -> float | None:
-        """Stiffness along the line of centres, N/m; None: that of the law."""
+        """Stiffness along the line of centres, N/m; None: from the law."""
 
     @property
     def shear_stiffness(self) -> float | None:
-        """Stiffness across the line of centres, N/m; None: that of the law."""
+        """Stiffness across the line of centres, N/m; None: from the law."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Measured stiffnesses of the contact at rest of two kinds of spheres; None: those that the law gives."""
+    """Measured stiffnesses, N/m, of the contact at rest between two kinds `of` spheres; None: from the law."""
 
     of: Sequence[int] = ()
     normal_stiffness: float | None = None
@@ -59,7 +61,7 @@ class Pair:
 
 
 def measured_factors(measured: Measured, law: AdhesionLaw, load: float) -> tuple[float, float]:
-    """Return the factors of normal and shear force of a contact with this law that a load (N) presses."""
+    """Return the factors of the normal and shear force for a contact with this law under a load (N)."""
     factor, normal, shear = 1.0, measured.normal_stiffness, measured.shear_stiffness
     if normal is not None:
         for _ in range(_ROUNDS):
@@ -73,7 +75,7 @@ def measured_factors(measured: Measured, law: AdhesionLaw, load: float) -> tuple
 
 
 def deviates() -> Floats:
-    """Return the deviates of the classes, (8,), ascending, of mean 0 and variance 1."""
+    """Return the deviates of the classes, (8,), ascending, with mean 0 and variance 1."""
     from statistics import NormalDist  # kept out of start-up
 
     gaussian = NormalDist()
@@ -84,25 +86,25 @@ def deviates() -> Floats:
 
 
 def spread(factors: Floats, deviation: float) -> Floats:
-    """Return the factors of materials in classes, material m of class c being 8m + c, from those of the materials."""
+    """Return the factors of materials divided into classes; material m of class c has the index 8m + c."""
     own = deviates()
     both = np.concatenate([(own[:, None] + own) / np.sqrt(2), own[:, None]], axis=1)
     return _divided(factors, 1 + deviation * both[..., None])
 
 
 def by_level(factors: Floats, levels: Floats) -> Floats:
-    """Return the factors of materials of several stiffnesses, material m of level l being L m + l.
+    """Return the factors of materials divided into L stiffness levels; material m of level l has the index L m + l.
 
-    `levels` are factors of normal and shear stiffness of spheres, (L, 2) (`granular_lmp.crystal.sphere_table`).
+    `levels` are factors of the normal and shear stiffness of spheres, (L, 2) (`granular_lmp.crystal.sphere_table`).
     """
     one, other = levels[:, None], levels[None]
     return _divided(factors, np.concatenate([2 * one * other / (one + other), one], axis=1))
 
 
 def _divided(factors: Floats, among: Floats) -> Floats:
-    """Return the factors of materials each of which is divided into C kinds, (MC, MC + 1, 2).
+    """Return the factors (MC, MC + 1, 2) after each of M materials is divided into C kinds.
 
-    `among`, (C, C + 1, 1 or 2), are the factors between these kinds, and of theirs with walls.
+    `among`, (C, C + 1, 1 or 2), are the factors of contacts between these kinds and, last, with walls.
     """
     count, kinds = len(factors), len(among)
     columns = np.append(np.repeat(np.arange(count), kinds), count)
@@ -114,15 +116,18 @@ def _divided(factors: Floats, among: Floats) -> Floats:
 def factors_of(
     materials: Sequence[Sphere], kinds: Sequence[int], radii: Sequence[float], pairs: Sequence[Pair]
 ) -> Floats:
-    """Return the factors of the contacts of materials, and of theirs with walls, (M, M + 1, 2).
+    """Return the factors of contacts between materials and, last, with walls, (M, M + 1, 2).
 
     Parameters
     ----------
     materials : (M,)
+        Materials by index.
     kinds : (M,)
-        The kind of each, −1 where no pair names it.
-    radii : by kind, m.
-    pairs : measured ones; all others have the factor 1.
+        Kind of each material; −1 for a kind without a pair.
+    radii : by kind
+        Radii, m.
+    pairs : sequence of Pair
+        Pairs of kinds with measured stiffnesses; all other contacts have the factor 1.
     """
     found = np.ones((len(materials), len(materials) + 1, 2))
     for pair, (m, n) in product(pairs, np.ndindex(len(materials), len(materials))):

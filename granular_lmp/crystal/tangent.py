@@ -1,4 +1,4 @@
-"""Stiffness of a crystal: second derivatives of its energy by displacements and strains (`potential`)."""
+"""Stiffness of a crystal: second derivatives of its energy (`potential`) by displacements and strains."""
 
 from typing import Any, Self
 
@@ -13,9 +13,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """K + λ m over all u and then e: blocks by u (DN, DN, sparse), by both (DN, D) and by e (D, D).
+    """Matrix K + λ m over all u, followed by e.
 
-    K alone is in the blocks. `mass` is m, (DN + D,), and `added` λ, k1.
+    Attributes
+    ----------
+    by_u : block of K by u, (DN, DN), sparse
+    by_both : block of K by u and e, (DN, D)
+    by_e : block of K by e, (D, D)
+    mass : m, (DN + D,)
+    added : λ, k1
     """
 
     by_u: Any
@@ -35,9 +41,8 @@ class Tangent:
     ) -> Self:
         """Return the tangent at a state.
 
-        `normal` and `across` are the stiffnesses of each pair along its normal and across it, (C,), if they are not
-        those of the state. A pair without the first has none of both. Rows of held spheres, and of axes along which the
-        box does not breathe, are zero.
+        `normal` and `across` (C,) replace the stiffnesses of the state along and across each pair. A pair whose normal
+        stiffness is 0 is left out. Rows of held spheres, and of axes along which the box keeps its length, are zero.
         """
         import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
 
@@ -45,12 +50,12 @@ class Tangent:
         across = state.stiffness_across if across is None else across
         pairs, on, free, axes = state.pairs, np.flatnonzero(normal > 0), potential.free, potential.axes
         i, j, vector, length, count = pairs.i[on], pairs.j[on], state.vector[:, on], state.length[on], len(free)
-        across = np.where(on < pairs.between, across[on], 0.0)  # a wall is as near everywhere
+        across = np.where(on < pairs.between, across[on], 0.0)  # motion along a wall does not change its distance
         direction = vector / length
         spring = (normal[on] - across) * direction[:, None] * direction + np.eye(axes)[..., None] * across
 
         scale, breathing = 1 + state.e, potential.breathing / (1 + state.e)
-        strained = spring * vector * breathing[:, None]  # by component of the force and axis of the strain
+        strained = spring * vector * breathing[:, None]  # index: component of the force, axis of the strain
         by_e = np.einsum("ac,abc->ab", vector * breathing[:, None], strained)
         by_both = np.empty((count, axes, axes))
         for a, b in np.ndindex(axes, axes):
@@ -74,12 +79,12 @@ class Tangent:
 
     @property
     def axes(self) -> int:
-        """D."""
+        """D, the number of dimensions."""
         return len(self.by_e)
 
     @property
     def diagonal(self) -> Floats:
-        """Diagonal of the block by u, (DN,)."""
+        """Diagonal of the block by u with λ m, (DN,)."""
         return np.asarray(self.by_u.diagonal() + self.added * self.mass[: -self.axes])
 
     def with_added(self) -> Any:

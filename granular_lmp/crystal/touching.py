@@ -1,22 +1,23 @@
-"""Lattices of spheres that just touch, and chains pressed together: no rounding parts neighbours or presses them.
+"""Lattices of spheres that just touch, and compressed chains: rounding neither separates nor presses neighbours.
 
-A gap would delay a wave, and an overlap would make a sound in the lattice at rest. With the radius R as the unit of
-length, as in the deck, positions are exact in binary numbers:
+A gap would delay a wave, and an overlap would start a motion in the lattice at rest. With the radius R as the unit of
+length, as in the deck, positions are exact binary numbers:
 
 * square lattice, and chain of equal spheres: whole and half numbers, so that every overlap is exactly 0;
 * chain of unequal spheres: radii are rounded to a multiple of a power of two, `grain`, of which all sums are exact,
   and spheres are put side by side: every overlap is exactly 0;
 * hexagonal lattice: the distance of the rows, √3, is rounded *down* to a multiple of `grain`. All contacts between
-  rows are then alike, and overlap by less than √3/2 of the rounding of the farthest position, 1e-14 R in 100 rows.
-  Spheres that move have no finer positions, so that no other choice would be better.
+  rows are then equal, and overlap by less than √3/2 of the rounding of the farthest position, 1e-14 R in 100 rows.
+  Positions of moving spheres are no finer, so no other choice would be better.
 
-In a chain that a force F0 presses together, the overlaps (F0/A)^{2/3} are rounded to a multiple of `grain` too. Those
-of equal spheres are then alike to the last bit, and nothing moves; those of unequal ones leave a residual force
+In a chain compressed by a force F0, the overlaps (F0/A)^{2/3} are rounded to a multiple of `grain` too. Overlaps of
+equal spheres are then equal to the last bit, and nothing moves; overlaps of unequal spheres leave a residual force
 (`granular_lmp.rest.meeting.Meeting.residual_force`).
 
-Unequal spheres of a sheet cannot all touch. They are on the lattice of the nominal radius R, and none is larger: sphere
-s has the radius R_s (1 − σ |g_s|), R_s ≤ R that of its inclusion, with the deviate g_s of
-`granular_lmp.crystal.disorder`, and gaps part neighbours. Nothing is pressed, so that all are at rest.
+Unequal spheres of a sheet cannot all touch. They are on the lattice of the nominal radius R, and no sphere is larger:
+sphere s has the radius R_s (1 − σ |g_s|), with the radius R_s ≤ R of its inclusion and the deviate g_s of
+`granular_lmp.crystal.disorder`, so there are gaps between neighbours. No contact has a force, so all spheres are at
+rest.
 """
 
 from dataclasses import replace
@@ -34,12 +35,12 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.sphere_table import NO_TABLE, SphereTable
 
 _MANTISSA = 53  # bits of a double
-_REACH = 1e-6  # radii: neighbours that touch are nearer than that, and others are farther by much more
-_APART = 100.0  # chains are spread by it while their spheres are chosen; the largest is 10 times the smallest
+_REACH = 1e-6  # radii: gaps of touching neighbours are smaller, and gaps of other spheres are much larger
+_APART = 100.0  # factor that spreads a chain while its spheres are chosen, as radii differ by a factor of up to 10
 
 
 def grain(length: float) -> float:
-    """Return the power of two of which all multiples up to a length are exact numbers."""
+    """Return the power of two whose multiples up to a length are all exact floating-point numbers."""
     return 2.0 ** (ceil(log2(length)) - _MANTISSA)
 
 
@@ -56,23 +57,24 @@ def touching(
     inclusions: tuple[Inclusion, ...] = (),
     table: SphereTable = NO_TABLE,
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
-    """Return spheres that just touch, or are pressed together, and their materials.
+    """Return spheres that just touch, or form a compressed chain, and their materials.
 
     Parameters
     ----------
     sphere : Sphere
-        As its contacts are once they close, with adhesion or without.
+        Sphere with the law of closed contacts, with or without adhesion.
     lattice : Lattice
+        Lattice in the plane.
     rows, columns : int
+        Number of rows and columns.
     held : (bool, bool)
-        True if the first, the last row is held.
+        Whether the first and the last row are held.
     periodic : (bool, bool)
-        True if the first column touches the last, and the first row of a sheet the last.
+        Whether the first column touches the last, and whether the first row of a sheet touches the last.
     force : float
-        Force F0 that presses the contacts of a chain together, N; 0 in a sheet.
+        Force F0 on the contacts of a chain, N; 0 in a sheet.
     disorder, inclusions, table
-        As `granular_lmp.crystal.disorder.imperfect` takes them. Radii of a sheet are at most the nominal one (see
-        above).
+        As in `granular_lmp.crystal.disorder.imperfect`. Radii of a sheet are at most the nominal radius (see above).
 
     Returns
     -------
@@ -80,6 +82,7 @@ def touching(
         Positions and radii in radii R of `sphere`, the centre sphere near the origin; arrays ``row``, ``column``,
         ``fixed``, ``radius``, ``density`` and ``material``.
     materials : tuple of Sphere
+        Materials by index.
 
     Raises
     ------
@@ -95,7 +98,7 @@ def touching(
     crystal.positions[:, 1] = offsets(crystal)[1] * distance
     if periodic[1]:
         crystal.cell[1, 1] = rows * distance
-    # Neighbours are found by their overlap, which spheres that just touch lack; chains are put side by side afterwards
+    # The search for neighbours needs an overlap, so radii are increased; chains are put side by side afterwards
     crystal.arrays["radius"] = np.full(len(crystal), 1 + _REACH)
     places = crystal.copy()
     if lattice == CHAIN:
@@ -120,9 +123,9 @@ def touching(
 
 
 def neighbours(crystal: ase.Atoms) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return the pairs (i, j) of neighbours and the vectors from i to j or its image, (C, 2), radii.
+    """Return the pairs (i, j) of neighbours and the vectors from i to j or to its image, (C, 2), radii.
 
-    Neighbours touch, or are parted by the gap of unequal spheres of a sheet.
+    Neighbours touch, or have the gap between unequal spheres of a sheet.
     """
     wider = crystal.copy()
     wider.arrays["radius"] = wider.arrays["radius"] + crystal.info["reach"]
@@ -131,9 +134,9 @@ def neighbours(crystal: ase.Atoms) -> tuple[NDArray[np.int64], NDArray[np.int64]
 
 
 def contacts_of_neighbours(crystal: ase.Atoms, materials: tuple[Sphere, ...], *, pressed: bool) -> Contacts:
-    """Return the contacts of neighbours, of which those that just touch and those that a gap parts have no overlap.
+    """Return the contacts of neighbours; neighbours that just touch or have a gap get the overlap 0.
 
-    `pressed` is true if a force presses the spheres together.
+    pressed : True if a force compresses the contacts, which then have the overlaps of the positions.
     """
     i, j, vector = neighbours(crystal)
     radius, unit = crystal.arrays["radius"], materials[0].radius

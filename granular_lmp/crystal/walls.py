@@ -1,13 +1,14 @@
-"""Walls at rest at the faces of a crystal: the contact of a sphere with the plane face of a half-space.
+"""Walls at rest at the faces of a crystal: contacts of spheres with the plane face of a half-space.
 
-It has the law of two spheres (`granular_lmp.crystal.adhesion_laws`) with the effective radius R in place of R/2, the
-moduli 1/E* = (1−ν₁²)/E₁ + (1−ν₂²)/E₂ and 1/G* = (2−ν₁)/G₁ + (2−ν₂)/G₂, and w = √(w₁w₂). Of one material, by the DMT law
-and without a load, the overlap is 2^{1/3} times that of two spheres and both stiffnesses are 2^{2/3} times theirs.
+The contact has the law of two spheres (`granular_lmp.crystal.adhesion_laws`) with the effective radius R instead of
+R/2, the moduli 1/E* = (1−ν₁²)/E₁ + (1−ν₂²)/E₂ and 1/G* = (2−ν₁)/G₁ + (2−ν₂)/G₂, and w = √(w₁w₂). If both bodies have
+the same material, then by the DMT law and without a load, the overlap is 2^{1/3} times and both stiffnesses are 2^{2/3}
+times the values of two spheres.
 
-Where stiffnesses were measured, factors scale the forces at every overlap (`granular_lmp.crystal.stiffnesses`).
+If stiffnesses were measured, factors scale the forces at every overlap (`granular_lmp.crystal.stiffnesses`).
 
-A wall is at rest. A half-space that moves with the spheres radiates: a vertical resonance has Q = ρ c_l/(N m ω), about
-11 for silica on silica, which a rigid wall does not show.
+When it breaks: a wall is at rest, but a real half-space moves with the spheres and radiates. A vertical resonance then
+has the quality factor Q = ρ c_l/(N m ω), about 11 for silica on silica, which a rigid wall does not show.
 """
 
 from collections.abc import Sequence
@@ -24,23 +25,23 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.frozen import cached_property, dataclass
 
 BELOW, BOTH = "below", "both"
-_OUTERMOST = 1e-6  # radii: spheres of a layer are at one height to rounding
+_OUTERMOST = 1e-6  # radii: tolerance of the height of a layer, far above rounding
 
 
 @dataclass(frozen=True)
 class Wall:
-    """The half-space that spheres of one material touch.
+    """Half-space that spheres of one material touch.
 
     Attributes
     ----------
     material : Sphere
-        The spheres, of the reference radius R.
+        Spheres with the reference radius R.
     substrate : Sphere
-        Moduli and work of adhesion of the half-space; its radius does not count.
+        Moduli and work of adhesion of the half-space; its radius is not used.
     factors : (float, float)
         Factors of the normal and the shear force at every overlap.
     sides : "below" or "both"
-        Where the half-spaces are: at −z, or at −z and +z.
+        Half-spaces at −z, or at −z and +z.
     """
 
     material: Sphere
@@ -49,17 +50,17 @@ class Wall:
     sides: str = BELOW
 
     def law(self, radius: Floats | float) -> AdhesionLaw:
-        """Return the law of the contacts of spheres of these radii, m."""
+        """Return the law of contacts with the wall for spheres of these radii, m."""
         law = ADHESION_LAWS[self.material.adhesion_law]
         modulus, shear_modulus, adhesion = (float(each[0]) for each in mixed(self.material, self.substrate))
         return law.between(modulus, shear_modulus, radius, adhesion).times(*self.factors)
 
     def beside(self, materials: Sequence[Sphere]) -> list["Wall"]:
-        """Return the wall as spheres of each material of a crystal touch it, of which the first is that of the wall."""
+        """Return one wall for each material of a crystal; the first material must be `material`."""
         return [self, *(replace(self, material=each) for each in materials[1:])]
 
     def law_of(self, crystal: ase.Atoms, materials: Sequence[Sphere], spheres: Integers) -> AdhesionLaw:
-        """Return the law of the contacts of spheres of a crystal (W,) with the wall, whether they touch or not."""
+        """Return the law of contacts with the wall for spheres (W,) of a crystal, touching or not."""
         radius = crystal.arrays["radius"][spheres] * materials[0].radius
         material = crystal.arrays.get("material", np.zeros(len(crystal), dtype=int))[spheres]
         law = chosen(material, [each.law(radius) for each in self.beside(materials)])
@@ -72,18 +73,18 @@ class Wall:
 
     @classmethod
     def rigid(cls, material: Sphere) -> "Wall":
-        """Return the wall of infinite moduli whose work of adhesion is that of the spheres."""
+        """Return the wall with infinite moduli and the work of adhesion of the spheres."""
         return cls(material, replace(material, youngs_modulus=inf))
 
     @property
     def heights(self) -> tuple[float, ...]:
-        """Directions along z of the walls as seen from the crystal: −1, or −1 and +1."""
+        """Directions from the crystal to the walls along z: −1, or −1 and +1."""
         return (-1.0, 1.0) if self.sides == BOTH else (-1.0,)
 
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A plane at rest beside a crystal, which its outermost spheres touch at their places in the lattice.
+    """Plane at rest beside a crystal, in contact with its outermost spheres at their places in the lattice.
 
     Attributes
     ----------
@@ -100,25 +101,25 @@ class Face:
 
     @cached_property
     def axis(self) -> int:
-        """Axis across which the plane is."""
+        """Axis normal to the plane, 0 to 2."""
         return int(np.argmax(np.abs(self.outward)))
 
     @property
     def way(self) -> float:
-        """Direction of the plane along its axis as seen from the crystal, −1 or 1."""
+        """Direction from the crystal to the plane along its axis, −1 or 1."""
         return float(self.outward[self.axis])
 
     def depth(self, crystal: ase.Atoms) -> Floats:
-        """Return how far the spheres are behind the outermost ones, (N,), radii."""
+        """Return the depth of each sphere behind the outermost spheres, (N,), radii."""
         outside = self.way * crystal.positions[:, self.axis]
         return np.asarray(outside.max() - outside)
 
     def distance(self, crystal: ase.Atoms, radius: float) -> Floats:
-        """Return the distances of the spheres at their places from the plane, (N,), radii (m, `radius`)."""
+        """Return the distances of the spheres at their places from the plane, (N,), in radii; `radius` is R in m."""
         return self.depth(crystal) + 1 - self.overlap / radius
 
     def touches(self, crystal: ase.Atoms) -> NDArray[np.bool_]:
-        """Return which spheres are the outermost ones, (N,)."""
+        """Return which spheres are outermost, (N,)."""
         return self.depth(crystal) < _OUTERMOST
 
 
@@ -130,20 +131,22 @@ def on_wall(
     normal: Floats,
     law: AdhesionLaw | None = None,
 ) -> Contacts:
-    """Return contacts with those of some spheres with a wall added.
+    """Return contacts followed by the contacts of some spheres with a wall.
 
     Parameters
     ----------
     contacts : Contacts
+        Contacts of the crystal so far.
     wall : Wall
+        The wall.
     spheres : (W,) int array
-        Indices of the spheres.
+        Indices of the spheres that touch the wall.
     overlap : (W,) array
-        m.
+        Overlaps with the wall, m.
     normal : (3,) array
         Unit vector from the spheres to the wall.
     law : AdhesionLaw, optional
-        Of spheres of other materials than that of the wall (`Wall.law_of`).
+        Law of the contacts (`Wall.law_of`), if spheres have other materials than `Wall.material`.
     """
     radius = contacts.radius[spheres]
     law = wall.law(radius) if law is None else law

@@ -1,9 +1,9 @@
-"""Wave vectors of a lattice, as phase advances from column to column and from row to row.
+"""Wave vectors of a lattice, stored as phase advances from column to column and from row to row.
 
 Rows lie along x, columns a distance a apart, and rows are h a apart along y: in the hexagonal lattice a is the lattice
-constant, h = √3/2, and rows are shifted by half a column. A wave vector k is stored as its phase advances
-(k_x a, h k_y a); a periodic cell holds 2π i/columns and 2π j/rows. The wave number is ξ = h|k|a in every direction: rad
-per row for a wave along y, the paper's direction.
+constant, h = √3/2, and rows are shifted by half a column. A wave vector k has the phase advances (k_x a, h k_y a); a
+periodic cell allows 2π i/columns and 2π j/rows. The wave number is ξ = h|k|a in every direction: rad per row for a wave
+along y, the paper's direction.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from granular_lmp.frozen import dataclass
 
 ROW_SPACING = sqrt(3) / 2  # hexagonal lattice, in lattice constants
 DIRECTIONS = {"x": 0.0, "y": 90.0}
-# Directions, in degrees, of the pairs of edges of the first Brillouin zone of the hexagonal lattice, each at ξ = π
+# Directions, in degrees, normal to the edges of the first Brillouin zone of the hexagonal lattice, which are at ξ = π
 EDGES = (90.0, 30.0, -30.0)
 
 Value = TypeVar("Value", float, NDArray[np.float64])
@@ -27,7 +27,7 @@ Value = TypeVar("Value", float, NDArray[np.float64])
 
 @dataclass(frozen=True)
 class WaveVector:
-    """A wave vector by its phase advances, rad.
+    """Wave vector, given by its phase advances in rad.
 
     Attributes
     ----------
@@ -36,9 +36,9 @@ class WaveVector:
     per_row : float
         Advance h k_y a along y to the next row.
     row_spacing : float
-        Distance h of the rows, in that of the columns.
+        Distance h of the rows, in distances of columns.
     column_spacing : float
-        Distance of the columns, in that of two spheres that touch.
+        Distance of the columns, in distances of two touching spheres.
     """
 
     per_column: float
@@ -56,7 +56,7 @@ class WaveVector:
     ) -> Self:
         """Return the wave vector with ξ (rad per row spacing) and a direction in degrees from x towards y."""
         quarter, rest = divmod(direction, 90.0)
-        if rest == 0:  # exactly along an axis, where cos 90° would leave 6e-17
+        if rest == 0:  # exactly along an axis, because cos 90° is 6e-17 in floating point
             along_x, along_y = ((1, 0), (0, 1), (-1, 0), (0, -1))[int(quarter) % 4]
             return cls(along_x * wavenumber / row_spacing, along_y * wavenumber, row_spacing, column_spacing)
         angle = radians(direction)
@@ -64,7 +64,7 @@ class WaveVector:
 
     @property
     def components(self) -> tuple[float, float]:
-        """Components (k_x, k_y) over the distance of two spheres that touch; of one sphere a cell in 1/a."""
+        """Components (k_x, k_y) in 1/distance of two touching spheres, which is 1/a with one sphere per cell."""
         return self.per_column / self.column_spacing, self.per_row / self.row_spacing / self.column_spacing
 
     @property
@@ -79,7 +79,7 @@ class WaveVector:
 
     @property
     def unit(self) -> tuple[float, float]:
-        """Unit vector k/|k|; at Γ, where all directions are alike, that of y."""
+        """Unit vector k/|k|; along y at Γ, where k has no direction."""
         size = self.wavenumber
         if size == 0:
             return 0.0, 1.0
@@ -97,11 +97,11 @@ class WaveVector:
 
     @property
     def axis(self) -> str | None:
-        """Axis, "x" or "y", along which the wave runs, up or down; None in between."""
+        """Axis, "x" or "y", along which the wave runs, in either direction; None for other directions."""
         return "y" if self.per_column == 0 else "x" if self.per_row == 0 else None
 
     def snapped(self, rows: int | None, columns: int | None) -> "WaveVector":
-        """Return the nearest wave vector of a cell that is periodic after rows and columns; None: not periodic."""
+        """Return the nearest wave vector that a cell allows; rows or columns are None if the cell is not periodic."""
         return replace(
             self,
             per_column=self.per_column if columns is None else snapped(self.per_column, columns),
@@ -115,21 +115,21 @@ class WaveVector:
 
 
 def snapped(advance: float, count: int) -> float:
-    """Return the 2πk/count nearest to a phase advance."""
+    """Return the multiple of 2π/count nearest to a phase advance."""
     return 2 * pi * round(advance * count / (2 * pi)) / count
 
 
 def zone_edge(direction: float, edges: Sequence[float] = EDGES) -> float:
-    """Return the ξ at which the first Brillouin zone ends in a direction (degrees): π along y, 2π/√3 along x.
+    """Return ξ at the edge of the first Brillouin zone in a direction (degrees): π along y, 2π/√3 along x.
 
-    The zone is that of the hexagonal lattice, or one whose pairs of edges lie in other directions, at π too. A wave
-    vector beyond it is equivalent to a shorter one.
+    The zone is that of the hexagonal lattice, or a zone with edges normal to other directions, also at ξ = π. A wave
+    vector beyond the zone is equivalent to a shorter one.
     """
     return pi / max(abs(cos(radians(direction - edge))) for edge in edges)
 
 
 def zone_path(corners: Sequence[tuple[float, float]], points: int) -> NDArray[np.float64]:
-    """Return wave vectors on the straight edges between corners of a zone, `points` an edge, (P, 2)."""
+    """Return wave vectors (P, 2) on straight lines between successive corners of a zone, `points` per line."""
     ends = np.array(corners)
     share = np.linspace(0, 1, points)[:, None]
     return np.vstack([start + share * (end - start) for start, end in pairwise(ends)])

@@ -1,7 +1,7 @@
-"""The branches of any crystal through its Brillouin zone: paths between corners, group velocity, density of states.
+"""Branches of any crystal in its Brillouin zone: paths between corners, group velocities, density of states.
 
-A corner has the name of the field: Γ ("G"), M and K of a hexagonal zone, X and M of a square one, X, L, W, K and U of
-fcc, X, M and R of cubic, A of hcp. A film has the zone of its plane. Wave vectors are in 1/R.
+Corners have their usual names: Γ ("G"), M and K of a hexagonal zone, X and M of a square zone, X, L, W, K and U of fcc,
+X, M and R of cubic, A of hcp. A film has the zone of its plane. Wave vectors are in 1/R.
 """
 
 from collections.abc import Sequence
@@ -25,16 +25,16 @@ from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 CHARACTERS = ("along", "across", "vertical", "rocking", "torsion")  # shares of the kinetic energy of a mode
-_STEP = 1e-4  # 1/R, of central differences: 1e-8 of a frequency of rounding, 1e-8 of curvature
-_POINTS = 60  # of a path, from corner to corner
-_DIRECTIONS = 360  # of k, all around, even
-_LENGTHS = 160  # of |k| between Γ and the edge of the zone; a crossing is interpolated linearly between two
-_BINS = 200  # of a density of states
-_SAMPLES = 1_000_000  # of it: 5000 in each of its bins, whose scatter no figure shows
+_STEP = 1e-4  # 1/R, step of central differences: relative errors of 1e-8 by rounding and 1e-8 by curvature
+_POINTS = 60  # points of a path from corner to corner
+_DIRECTIONS = 360  # directions of k over the full circle; an even number
+_LENGTHS = 160  # values of |k| between Γ and the edge of the zone; a crossing is interpolated linearly between two
+_BINS = 200  # bins of a density of states
+_SAMPLES = 1_000_000  # samples of a density of states: 5000 per bin, whose scatter is invisible in a figure
 _HEXAGON = {"M": (0.0, 2 * pi / sqrt(3)), "K": (4 * pi / 3, 0.0)}
 _FCC = {"X": (0, 0, 1), "L": (0.5, 0.5, 0.5), "W": (0.5, 0, 1), "K": (0.75, 0.75, 0), "U": (0.25, 0.25, 1)}
 _CUBIC = {"X": (0, 1, 0), "M": (1, 1, 0), "R": (1, 1, 1)}
-# Cubic axes of fcc in the box, as columns, by the orientation along y
+# Columns are the cubic axes of fcc in the box, by the orientation along y
 _AXES = {
     "[001]": np.array([[1, 1, 0], [0, 0, sqrt(2)], [1, -1, 0]]) / sqrt(2),
     "[110]": np.array([[1, -1, 0], [1, 1, 0], [0, 0, sqrt(2)]]) / sqrt(2),
@@ -45,19 +45,20 @@ _AXES["[11-2]"] = _AXES["[111]"][[0, 2, 1]]
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """Branches along wave vectors.
+    """Branches along a path of wave vectors.
 
     Attributes
     ----------
     wavevector : (K, 3) array
-        1/R.
+        Wave vectors, 1/R.
     way : (K,) array
-        Way through the zone, 1/R.
+        Distance along the path, 1/R.
     frequency : (K, B) array
-        rad/t0, ascending.
+        Frequencies, rad/t0, ascending.
     character : (K, B, 5) array
-        Shares of `CHARACTERS`.
+        Shares of `CHARACTERS` in the kinetic energy.
     corners : tuple of (way, name)
+        Distance along the path and name of each corner.
     """
 
     wavevector: Floats
@@ -68,7 +69,7 @@ class Branches:
 
 
 def corners_of(lattice: Lattice) -> dict[str, Floats]:
-    """Return the corners of the zone in the order of the default path, over the distance of spheres that touch."""
+    """Return the corners of the zone in the order of the default path, in 1/distance of touching spheres."""
     name, _, orientation = lattice.name.partition(" ")
     found: dict[str, Sequence[float]] = {"G": (0.0, 0.0, 0.0)}
     if lattice.solid and not lattice.film:
@@ -95,12 +96,12 @@ def corners_of(lattice: Lattice) -> dict[str, Floats]:
 
 
 def path_of(lattice: Lattice, names: str) -> tuple[Floats, tuple[str, ...]]:
-    """Return the corners of a path, "G-M-K-G", and their names; of "" through all of them and back to Γ.
+    """Return the corners of a path such as "G-M-K-G", and their names; "" is the path through all corners back to Γ.
 
     Raises
     ------
     SceneError
-        If the zone has no corner of a name.
+        If the zone has no corner of this name, or the path has only one corner.
     """
     corners = corners_of(lattice)
     asked = tuple(names.upper().split("-")) if names else (*corners, "G")
@@ -108,12 +109,12 @@ def path_of(lattice: Lattice, names: str) -> tuple[Floats, tuple[str, ...]]:
         if name not in corners:
             raise SceneError(f"path = {names!r}: {name!r}: must be corners of the zone, {', '.join(corners)}, with '-'")
     if len(asked) < 2:
-        raise SceneError(f"path = {names!r}: must be two corners at least, of {', '.join(corners)}")
+        raise SceneError(f"path = {names!r}: must be at least two corners of {', '.join(corners)}")
     return np.array([corners[name] for name in asked]), asked
 
 
 def along_path(crystal: Contacts, sphere: Sphere, physics: Physics, lattice: Lattice, names: str) -> Branches:
-    """Return the branches along a path through the zone, `_POINTS` from corner to corner."""
+    """Return the branches along a path through the zone, with `_POINTS` wave vectors from corner to corner."""
     places, asked = path_of(lattice, names)
     places = places / lattice_constant(sphere)
     share = np.linspace(0, 1, _POINTS)[:, None]
@@ -127,10 +128,10 @@ def along_path(crystal: Contacts, sphere: Sphere, physics: Physics, lattice: Lat
 
 
 def characters(shapes: NDArray[Any], wavevector: Floats, mass: Floats) -> Floats:
-    """Return the shares of `CHARACTERS` of modes (K, B, 6N) at wave vectors (K, 3); at Γ "along" is along y.
+    """Return the shares of `CHARACTERS` in modes (K, B, 6N) at wave vectors (K, 3); at Γ "along" means along y.
 
-    Shares of the kinetic energy: displacement along k in the plane, across k, along z; rotation about axes in the
-    plane, and about z.
+    They are shares of the kinetic energy: displacement along k in the plane, across k, and along z; rotation about axes
+    in the plane, and about z.
     """
     plane = wavevector[:, :2]
     size = np.linalg.norm(plane, axis=1, keepdims=True)
@@ -149,7 +150,8 @@ def characters(shapes: NDArray[Any], wavevector: Floats, mass: Floats) -> Floats
 def group_velocities(crystal: Contacts, sphere: Sphere, wavevector: Floats, physics: Physics) -> Floats:
     """Return ∂Ω/∂k of each branch at wave vectors (..., 2 or 3), (..., B, 2 or 3), R/t0, by central differences.
 
-    Where two branches cross within 1e-4/R each keeps its place in the order of frequencies, not its shape.
+    When it breaks: where two branches cross within 1e-4/R, because branches are followed by the order of frequencies,
+    not by shape.
     """
     steps = _STEP * np.eye(wavevector.shape[-1])
     nearby = wavevector[..., None, :]
@@ -158,19 +160,20 @@ def group_velocities(crystal: Contacts, sphere: Sphere, wavevector: Floats, phys
 
 
 def fronts(lattice: Contacts, sphere: Sphere, frequency: float, physics: Physics = FULL) -> dict[str, Floats]:
-    """Return the group velocities of the waves of a frequency in the hexagonal lattice, by name of their mode.
+    """Return the group velocities of the waves at a frequency in the hexagonal lattice, by name of their mode.
 
-    A signal of frequency Ω that starts in a point is, far from it, where energy of that frequency runs:
+    Far from its source, a signal of frequency Ω travels with the energy at this frequency:
 
         r(τ) = v_g(k) τ,    v_g = ∂Ω_j/∂k    for every k with Ω_j(k) = Ω
 
-    The curve of v_g over all these k is the group-velocity surface of branch j; at long waves it is a circle. Where the
-    contour Ω_j(k) = Ω is flat or turns, energy gathers and the curve has corners. Velocities of RT point against k.
+    The curve of v_g over all these k is the group-velocity surface of branch j; for long waves it is a circle. Where
+    the contour Ω_j(k) = Ω is flat or has an inflection, energy is focused and the curve has cusps. Group velocities of
+    RT point against k.
 
     Parameters
     ----------
     lattice, sphere : Contacts, Sphere
-        Contacts of the hexagonal lattice of one sphere a cell, and its sphere.
+        Contacts of the hexagonal lattice with one sphere per cell, and its sphere.
     frequency : float
         Ω, rad/t0.
     physics : Physics
@@ -179,11 +182,11 @@ def fronts(lattice: Contacts, sphere: Sphere, frequency: float, physics: Physics
     Returns
     -------
     dict of str to (n, 2) array
-        v_g in R/t0, in the order of the directions of k, for each mode that has the frequency in some: L moves most
-        along k, TR is the lower and RT the upper of the others. A direction in which the mode has the frequency at
-        several k gives several rows. To about 1e-3: |k| is interpolated.
+        v_g in R/t0, in the order of the directions of k, for each mode that has the frequency in some direction: L
+        moves most along k, TR is the lower and RT the upper of the others. A direction in which a mode has the
+        frequency at several k gives several rows. Velocities are accurate to about 1e-3, because |k| is interpolated.
     """
-    # Half of them, as −k has the frequency of k and the opposite velocity; none is along a mirror line
+    # Half the directions suffice: −k has the frequency of k and the opposite velocity. None is along a mirror line
     degrees = np.linspace(-180, 0, _DIRECTIONS // 2, endpoint=False) + 180 / _DIRECTIONS
     along = np.column_stack([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
     edge = np.array([zone_edge(each) for each in degrees]) / ROW_SPACING / lattice_constant(sphere)
@@ -208,11 +211,11 @@ def fronts(lattice: Contacts, sphere: Sphere, frequency: float, physics: Physics
 def density_of_states(
     crystal: Contacts, sphere: Sphere, physics: Physics, lattice: Lattice, points: int
 ) -> tuple[Floats, Floats]:
-    """Return the middles of bins, rad/t0, and the share of all modes in each over its width, whose integral is 1.
+    """Return the middles of bins, rad/t0, and the density of states in each bin, normalised to the integral 1.
 
-    `points` is the number of wave vectors along each primitive vector of the reciprocal lattice, the first at Γ.
-    Between them frequencies are linear; without that each wave vector would be a line of its own. Good values: 30 in a
-    layer, 20 in a bulk crystal.
+    `points` is the number of wave vectors along each primitive reciprocal vector, starting at Γ. Frequencies are
+    interpolated linearly between wave vectors, because otherwise each wave vector would appear as a separate line. Good
+    values: 30 in a layer, 20 in a bulk crystal.
     """
     vectors = lattice.reciprocal() / lattice_constant(sphere)
     share = np.arange(points) / points
@@ -229,7 +232,7 @@ def density_of_states(
 
 
 def _between(frequencies: Floats) -> Floats:
-    """Return the frequencies of a grid (n, …, n, B) over the zone, where they repeat, on a finer one of `_SAMPLES`."""
+    """Return the frequencies of a periodic grid (n, …, n, B) over the zone, interpolated to about `_SAMPLES` values."""
     axes = frequencies.ndim - 1
     finer = max(1, round((_SAMPLES / frequencies.size) ** (1 / axes)))
     for axis in range(axes):

@@ -1,4 +1,4 @@
-"""The crystal of a scene at rest: its spheres, the forces of its contacts, missing contacts and empty places."""
+"""Picture of the crystal of a scene at rest: spheres, contact forces, missing contacts and empty places."""
 
 import ase
 import numpy as np
@@ -21,10 +21,10 @@ MOST_DRAWN = 20_000  # spheres; with more, a contact would be below a pixel
 def at_rest_figure(scene: Scene) -> Picture:
     """Return a picture of the crystal of a scene at rest.
 
-    Spheres are coloured by the deviation of their diameter from the mean, in overlaps Δ0, or of their density where
-    all radii are equal. Lines are contacts of spheres, coloured by their force f_N over k1 Δ0: positive where they
-    press. Dotted are neighbours in the lattice that do not touch, and crosses are empty places. Of spheres that
-    meet the units are ℓ and m ℓ/t0².
+    Colours of the spheres show the deviation of their diameter from the mean, in overlaps Δ0, or the deviation of their
+    density if all radii are equal. Lines are contacts between spheres, coloured by their force f_N over k1 Δ0, which is
+    positive where they press. Dotted lines join neighbours in the lattice that do not touch, and crosses are empty
+    places. In units of an impact, Δ0 is replaced by ℓ and k1 Δ0 by m ℓ/t0².
 
     Raises
     ------
@@ -33,11 +33,11 @@ def at_rest_figure(scene: Scene) -> Picture:
         spheres.
     """
     if scene.perfect:
-        raise ViewError(f"{scene.name}: its spheres and contacts are all equal; there is nothing to draw at rest")
+        raise ViewError(f"{scene.name}: all spheres and contacts are equal; there is nothing to draw at rest")
     rest = rest_of(scene)
     crystal = rest.crystal
     if len(crystal.atoms) > MOST_DRAWN:
-        raise ViewError(f"{scene.name}: has {len(crystal.atoms)} spheres; at most {MOST_DRAWN} are drawn")
+        raise ViewError(f"{scene.name}: has {len(crystal.atoms)} spheres; at most {MOST_DRAWN} can be drawn at rest")
     figure = Picture(figsize=(PAGE, 4.7), layout="constrained")
     axes = figure.subplots()
     position, radius = crystal.atoms.positions[:, :2], crystal.atoms.arrays["radius"]
@@ -70,18 +70,18 @@ def at_rest_figure(scene: Scene) -> Picture:
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x/R", ylabel="y/R")
     figure.colorbar(discs, ax=axes, label=label, fraction=0.05)
     unit = r"m\ell/t_0^2" if scale.of_impact else r"k_1\Delta_0"
-    figure.colorbar(lines, ax=axes, label=f"force of a contact (${unit}$)", fraction=0.05)
+    figure.colorbar(lines, ax=axes, label=f"contact force (${unit}$)", fraction=0.05)
     lost = f", {len(i)} missing (dotted)" if len(i) else ""
     each = (2 * len(force) + contacts.on_wall.sum()) / len(position)
     axes.set_title(
-        f"{in_words(scene.name)}: {scene.imperfections}\n{len(position)} spheres, {each:.3f} contacts a sphere{lost}",
+        f"{in_words(scene.name)}: {scene.imperfections}\n{len(position)} spheres, {each:.3f} contacts per sphere{lost}",
         fontsize="medium",
     )
     return figure
 
 
 def _values(rest: Rest) -> tuple[NDArray[np.float64], str]:
-    """Return what the colour of the spheres shows, (N,), and its label."""
+    """Return the values (N,) that the colours of the spheres show, and their label."""
     radius, density, sphere = rest.atoms.arrays["radius"], rest.atoms.arrays["density"], rest.scene.sphere
     if np.ptp(radius) or not np.ptp(density):
         overlap = rest.scale.length / sphere.radius
@@ -92,14 +92,17 @@ def _values(rest: Rest) -> tuple[NDArray[np.float64], str]:
 def _segments(
     position: NDArray[np.float64], i: NDArray[np.int64], vector: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """Return a line from the centre of each first sphere to that of its neighbour; across a face it leaves the cell."""
+    """Return a line (2, 2) from the centre of each first sphere along its vector; across a face it leaves the cell."""
     return list(np.stack([position[i], position[i] + vector], axis=1))
 
 
 def _missing(
     crystal: CrystalAtRest, pairs: tuple[NDArray[np.int64], NDArray[np.int64]]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the first of each two neighbours in the lattice that are not among pairs that touch, and their vectors."""
+    """Return the neighbours in the lattice that do not touch: the first sphere of each pair, and the vectors.
+
+    pairs : first and second spheres of the pairs that touch.
+    """
     equal = crystal.atoms.copy()
     # Neighbours in the lattice are nearer than 2.5 radii, second neighbours farther than 3
     equal.arrays["radius"] = np.full(len(equal), 1.25)
@@ -109,12 +112,12 @@ def _missing(
 
 
 def _names(crystal: ase.Atoms, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return a number for each pair, whichever of the two is first."""
+    """Return a number for each pair, independent of the order of its two spheres."""
     return np.minimum(i, j) * len(crystal) + np.maximum(i, j)
 
 
 def _empty_places(rest: Rest) -> NDArray[np.float64]:
-    """Return the places of the lattice without a sphere, (M, 2), in radii, in the cell as it has breathed."""
+    """Return the lattice places without a sphere, (M, 2), in radii, scaled to the cell at rest."""
     scene, atoms = rest.scene, rest.atoms
     lattice, there = packed(scene.sphere, scene.shape), np.zeros((scene.shape.rows, scene.shape.columns), dtype=bool)
     there[atoms.arrays["row"], atoms.arrays["column"]] = True

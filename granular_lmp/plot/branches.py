@@ -1,4 +1,4 @@
-"""Figures of the branches of a crystal: along a path through the zone, with polarisation as colour; their density."""
+"""Figures of the branches of a crystal: along a path through the zone, coloured by polarisation; density of states."""
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -10,12 +10,12 @@ from granular_lmp.crystal.zone import CHARACTERS, Branches
 from granular_lmp.plot.signals import PAGE, frequency_axis, in_words
 from granular_lmp.rest.scene import Scene
 
-# Each share of the kinetic energy has a colour; a line is their mixture
+# Each kind of motion has a colour; a line mixes the colours by the shares of the kinetic energy
 COLOURS = np.array([[0.00, 0.45, 0.70], [0.84, 0.37, 0.00], [0.00, 0.62, 0.45], [0.90, 0.62, 0.00], [0.80, 0.47, 0.65]])
 
 
 def path_figure(branches: Branches, scene: Scene) -> Figure:
-    """Return a figure of all branches along a path, coloured by the shares of their kinetic energy."""
+    """Return a figure of all branches along a path, coloured by the kind of motion that has the kinetic energy."""
     figure = Figure(figsize=(PAGE, 4.4), layout="constrained")
     axes = figure.subplots()
     for branch in range(branches.frequency.shape[1]):
@@ -41,7 +41,7 @@ def path_figure(branches: Branches, scene: Scene) -> Figure:
 
 
 def density_figure(middle: NDArray[np.float64], density: NDArray[np.float64], scene: Scene) -> Figure:
-    """Return a figure of the density of states over the frequency."""
+    """Return a figure of the density of states over the frequency Ω, in rad per t0, with 1 rad per t0 in hertz."""
     figure = Figure(figsize=(PAGE, 4.0), layout="constrained")
     axes = figure.subplots()
     axes.fill_between(middle, density, step="mid", color="0.6")

@@ -1,4 +1,4 @@
-"""Quantities that the colours of spheres show, and directions from which a crystal is seen."""
+"""Quantities that the colours of spheres can show, and sides from which a crystal is seen."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -12,25 +12,25 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 
-DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours: four decades, as the front in a sheet decays
-_MOST_IN_COLOUR = 0.99  # share of the spheres at a moment: a sphere that is pushed would pale the front that it sends
-_DARK = 0.6  # share of the colours above which they are too dark for a grey line
+DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colour map: the front in a sheet decays over four decades
+_MOST_IN_COLOUR = 0.99  # share of the spheres at a moment: the colours of a pushed sphere would hide the front it sends
+_DARK = 0.6  # place on the colour map above which colours are too dark for a grey line
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Side:
-    """A direction from which a crystal is seen.
+    """Side from which a crystal is seen.
 
     Attributes
     ----------
     page : (int, int)
         Axes to the right and upward, 0 to 2 for x to z.
     towards : int
-        Axis towards the reader, about which turns are seen.
+        Axis normal to the page, about which visible rotations turn.
     sign : int
-        −1 if that axis points away from the reader.
+        1 if this axis points towards the reader, −1 if it points away.
     """
 
     page: tuple[int, int]
@@ -38,11 +38,11 @@ class Side:
     sign: int
 
     def flat(self, vectors: Floats) -> Floats:
-        """Return vectors (N, 2 or 3) on the page, (N, 2)."""
+        """Return vectors (N, 2 or 3) projected onto the page, (N, 2)."""
         return vectors[:, list(self.page)]
 
     def turn(self, rotation: Floats) -> Floats:
-        """Return rotations (N,) or (N, 3) as they are seen, counterclockwise."""
+        """Return rotations (N,) or (N, 3) about the axis of view, positive if counterclockwise on the page."""
         return rotation if rotation.ndim == 1 else self.sign * rotation[:, self.towards]
 
 
@@ -58,11 +58,11 @@ class Colouring:
     value : callable
         (Spheres, Scene, Side) → number of each sphere, (N,).
     label : str
-        Label of the colour bar, in units of a wave (`label_of`).
+        Label of the colour bar, in units of a wave; `label_of` converts it to other units.
     colours : str
         Colour map of matplotlib.
     scale : str
-        "symmetric" if 0 is in the middle of the map, "positive" if it is at its beginning, "decades" of the largest.
+        "symmetric" has 0 in the middle of the map, "positive" has 0 at its beginning, and "decades" is logarithmic.
     """
 
     value: Callable[[Spheres, Scene, Side], Floats]
@@ -71,30 +71,30 @@ class Colouring:
     scale: Literal["symmetric", "positive", "decades"] = "symmetric"
 
     def end(self, sizes: Floats) -> float:
-        """Return the size at the end of the colours: the largest of decades, else one that few spheres exceed."""
+        """Return the size at the end of the colour map: the largest for decades, else one that 1 % of the spheres exceed."""
         if self.scale == "decades":
             return float(sizes.max())
         return float(np.quantile(sizes, _MOST_IN_COLOUR, method="higher"))  # the largest of up to 100 spheres
 
     def norm(self, largest: float) -> Normalize:
-        """Return what takes values to the colour map, `largest` to its end."""
+        """Return the norm that maps values to the colour map, with `largest` at the end of the map."""
         if self.scale == "decades":
             return LogNorm(LIGHTEST * largest, DARKEST * largest, clip=True)
         return Normalize(-largest if self.scale == "symmetric" else 0.0, largest)
 
     def dark(self, shade: Floats) -> NDArray[np.bool_]:
-        """Return which places of the colour map, 0 to 1, are too dark for a grey line."""
+        """Return which places on the colour map, 0 to 1, are too dark for a grey line."""
         return np.asarray((np.abs(2 * shade - 1) if self.scale == "symmetric" else shade) > _DARK)
 
 
 def _speed(spheres: Spheres, scene: Scene, side: Side) -> Floats:
-    """Return the speeds, m/s."""
+    """Return the speeds (N,) in m/s."""
     unit = scene.displacement_amplitude / scene.scale.time
     return np.asarray(np.linalg.norm(spheres.velocity, axis=1) * unit)
 
 
 def _along(place: int) -> Callable[[Spheres, Scene, Side], Floats]:
-    """Return the displacements along an axis, D0."""
+    """Return a function for the displacements along an axis, in D0."""
     return lambda spheres, scene, side: np.asarray(spheres.displacement[:, place])
 
 
@@ -128,34 +128,34 @@ COLOURINGS = {
 
 
 def unit_of(scene: Scene) -> str:
-    """Return the symbol of the unit of displacements: D0 of a wave, Δ0 of a crystal at rest, ℓ of an impact."""
+    """Return the symbol of the unit of displacements: D0 with a wave; otherwise Δ0, or ℓ for an impact."""
     return "D_0" if scene.wave is not None else scene.scale.symbol
 
 
 def label_of(colouring: Colouring, scene: Scene) -> str:
-    """Return the label of the colour bar in units of a scene."""
+    """Return the label of the colour bar in the units of a scene."""
     return colouring.label.replace("D_0", unit_of(scene))
 
 
 def side_of(scene: Scene, side: str | None) -> Side:
-    """Return a side by its name, by default "x" of a wave in space and "top" of others; ViewError for another."""
+    """Return a side by name: by default "x" for a wave in space and "top" otherwise; ViewError for an unknown name."""
     space = scene.space == 3
     if side is None:
         return SIDES["x" if space and scene.wave is not None else "top"]
     if side not in SIDES:
         raise ViewError(f"side = {side!r}: must be one of {', '.join(SIDES)}")
     if side != "top" and not space:
-        raise ViewError(f"side = {side!r}: spheres that stay in their plane are seen from the top")
+        raise ViewError(f"side = {side!r}: spheres that stay in their plane are seen from the top; take 'top'")
     return SIDES[side]
 
 
 def colouring_of(snapshots: Snapshots, colour: str | None) -> Colouring:
-    """Return a colouring by its name, by default rotation or energy of a wave, and speed without one.
+    """Return a colouring by name: by default rotation or, without angles, energy for a wave, and speed without a wave.
 
     Raises
     ------
     ViewError
-        If the name is unknown, or the run does not hold the quantity.
+        If the name is unknown, or the run does not record the quantity.
     """
     scene = snapshots.scene
     tracked = scene.effects.tracking is True
@@ -164,9 +164,9 @@ def colouring_of(snapshots: Snapshots, colour: str | None) -> Colouring:
     if colour not in COLOURINGS:
         raise ViewError(f"colour = {colour!r}: must be one of {', '.join(COLOURINGS)}")
     if colour == "rotation" and not tracked:
-        raise ViewError("colour = 'rotation': the run holds no angles (effects.tracking is off); take 'energy'")
+        raise ViewError("colour = 'rotation': the run has no angles (effects.tracking is off); take 'energy'")
     if colour in ("p", "q") and scene.wave is None:
-        raise ViewError(f"colour = {colour!r}: is of a wave, and this run has none; take 'x', 'y' or 'displacement'")
+        raise ViewError(f"colour = {colour!r}: needs a wave, and this run has none; take 'x', 'y' or 'displacement'")
     if colour == "z" and scene.space == 2:
         raise ViewError("colour = 'z': spheres stay in their plane; take 'x', 'y' or 'displacement'")
     return COLOURINGS[colour]

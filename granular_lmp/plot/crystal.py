@@ -1,7 +1,7 @@
-"""The crystal of a run, with the signals of its centre sphere beside it if there is a wave, as a picture or a movie.
+"""Picture or movie of the crystal of a run, with the signals of its centre sphere beside it if there is a wave.
 
-Displacements of a wave are 1e-4 of a radius, so displacements and angles are magnified by one factor, which stands in
-the picture. Seen from the top, a wave along y runs upward; a crystal in space is also seen from a side, on its
+Displacements in a wave are about 1e-4 of a radius, so one factor magnifies displacements and angles; the picture states
+the factor. Seen from the top, a wave along y runs upward. A crystal in space can also be seen from a side, on its
 substrate. A narrow periodic cell is drawn several times side by side.
 """
 
@@ -41,26 +41,27 @@ def run_figure(
     snapshots : Snapshots
         Snapshots of the run.
     tau : float, optional
-        Time in units of t0, of which the nearest snapshot is drawn; by default the last one.
+        Time in units of t0; the nearest snapshot is drawn. The default is the last snapshot.
     colour : "rotation", "energy", "speed", "displacement", "p", "q", "x", "y" or "z", optional
-        Quantity of the colours. "displacement" is its magnitude, p and q are its components along and across the wave
-        vector, x, y and z those along the axes. The default is the rotation if spheres turn, of a run without a wave
-        the speed.
+        Quantity of the colours. "displacement" is the magnitude of the displacement, p and q are its components along
+        and across the wave vector, and x, y and z its components along the axes. For a wave the default is the
+        rotation, or the energy if the run has no angles; without a wave it is the speed.
     magnify : float, optional
-        Factor of displacements and angles; by default 1, 2 or 5 times a power of ten with which D0 is at most half a
-        radius. Without a wave spheres stay at their places unless a factor is given.
+        Factor of displacements and angles. For a wave the default is the largest of 1, 2 or 5 times a power of ten with
+        which D0 is at most half a radius. Without a wave, spheres are drawn at their places unless a factor is given.
     rows : int, optional
-        Number of rows around the centre row; by default 25 of a wave, all of a push or a strike.
+        Number of rows around the centre row; by default 25 for a wave, all rows for a push or a strike.
     fronts : bool
-        True for lines where the bursts of sources are by their group velocities, as in `granular_lmp.plot.fronts`.
+        True for lines at the positions of bursts from sources, by their group velocities (`granular_lmp.plot.fronts`).
     side : "top", "x" or "y", optional
-        Where the crystal is seen from: the top, or the end of an axis. The default is "x" of a wave in space.
+        Side from which the crystal is seen: the top, or the end of an axis. The default is "x" for a wave in space, and
+        "top" otherwise.
 
     Raises
     ------
     ViewError
-        If τ is beyond the snapshots, the run does not hold the quantity, the factor is not above 0, or waves of the run
-        have no fronts.
+        If τ is beyond the snapshots, the run does not record the quantity, the factor is not above 0, or waves of the
+        run have no fronts.
     """
     moment = snapshots[_nearest(snapshots, tau)]
     scenery = _Scenery(record, snapshots, [moment], colour, magnify, rows, fronts, side)
@@ -81,9 +82,9 @@ def run_movie(
     fps: float | None = None,
     size: tuple[int, int] | None = None,
 ) -> None:
-    """Write a movie, GIF or MP4, with a frame for each snapshot of a run; parameters as in `run_figure`.
+    """Write a movie, GIF or MP4, with one frame for each snapshot of a run; parameters as in `run_figure`.
 
-    `fps` is the number of frames a second, 10 by default, and `size` width and height in pixels.
+    `fps` is the number of frames per second, 10 by default, and `size` the width and height in pixels.
 
     Raises
     ------
@@ -108,7 +109,7 @@ def run_movie(
 def _nearest(snapshots: Snapshots, tau: float | None) -> int:
     times = snapshots.tau
     if not len(times):
-        raise ViewError(f"{snapshots.path}: holds no whole snapshot yet")
+        raise ViewError(f"{snapshots.path}: has no complete snapshot yet")
     if tau is None:
         return len(times) - 1
     if not times[0] <= tau <= times[-1]:
@@ -157,7 +158,7 @@ class _Scenery:
 
 
 def _laid_out(snapshots: Snapshots, side: Side, signals: int) -> tuple[Picture, Axes, list[Axes]]:
-    """Return a figure with axes for the crystal, and a panel for each of some signals beside or below them."""
+    """Return a figure with axes for the crystal, and one panel per signal beside the crystal or below it."""
     if not signals:
         width, height = np.ptp(side.flat(snapshots.rest), axis=0) + 2
         tall = 0.9 + 4.6 * min(max(height / width, 0.3), 1.2)

@@ -1,4 +1,4 @@
-"""Marks on spheres: sources, strikers, monitors and inclusions, with lines where interfaces are, and their legend."""
+"""Marks on the spheres of sources, strikers, monitors and inclusions, lines along interfaces, and their legend."""
 
 from collections.abc import Iterator
 from typing import TypedDict
@@ -22,7 +22,7 @@ _STRIKERS = {"y": "^", "-y": "v", "x": ">", "-x": "<"}
 
 
 class Look(TypedDict):
-    """How a mark is drawn."""
+    """Marker, size and fill of a mark."""
 
     marker: str
     markersize: float
@@ -38,7 +38,7 @@ _LOOKS: dict[str, Look] = {
 
 
 class Marks:
-    """Marks that move with their spheres; lines of interfaces stay."""
+    """Marks that move with their spheres, and lines of interfaces, which stay."""
 
     def __init__(self, axes: Axes, snapshots: Snapshots, drawn: Integers, rest: Floats, copies: int, side: Side):
         scene = snapshots.scene
@@ -93,13 +93,13 @@ class Marks:
             )  # fmt: skip
 
     def show(self, centres: Floats) -> None:
-        """Move the marks to the centres of all spheres drawn, (N, 2)."""
+        """Move the marks with their spheres; centres (N, 2) are those of all drawn spheres."""
         for line, indices in self.lines:
             line.set_data(*centres[indices].T)
 
 
 def marked(scene: Scene) -> Iterator[tuple[str, str, Integers]]:
-    """Yield kind, marker ("" for the usual one) and spheres of each mark."""
+    """Yield the kind, the marker ("" for the default of the kind) and the spheres of each mark."""
     atoms = crystal_of(scene).atoms
     for source in scene.source:
         yield "source", "", spheres_at(source.rows, source.spheres, atoms, "source", source.layers)
@@ -117,13 +117,13 @@ def marked(scene: Scene) -> Iterator[tuple[str, str, Integers]]:
 
 
 def _is_body(inclusion: Inclusion) -> bool:
-    """Return True of an inclusion that is another crystal, with an interface: several rows on end, or a half-plane."""
+    """Return True if an inclusion is another crystal with an interface: successive rows, or a half-plane."""
     rows = inclusion.rows
     return bool(inclusion.half_plane) or len(rows) == 2 and inclusion.every == 1 and rows[1] > rows[0]
 
 
 def _of_inclusion(scene: Scene, inclusion: Inclusion, number: int) -> Integers:
-    """Return the spheres of an inclusion in the crystal at rest, by their places in the lattice."""
+    """Return the spheres of an inclusion in the crystal at rest, found by their places in the lattice."""
     lattice, atoms = packed(scene.sphere, scene.shape), crystal_of(scene).atoms
     names = [name for name in ("row", "column", "layer") if name in lattice.arrays and name in atoms.arrays]
     sizes = [int(lattice.arrays[name].max()) + 1 for name in names]
@@ -132,7 +132,7 @@ def _of_inclusion(scene: Scene, inclusion: Inclusion, number: int) -> Integers:
 
 
 def interfaces(scene: Scene, snapshots: Snapshots) -> Iterator[tuple[Floats, Floats]]:
-    """Yield the ends of each interface seen from the top, x (2,) and y (2,)."""
+    """Yield the ends of each interface as seen from the top: x (2,) and y (2,), in radii."""
     x, y = snapshots.rest[:, 0], snapshots.rest[:, 1]
     row = snapshots.crystal.arrays["row"]
     reach = np.array([x.min() - 1, x.max() + 1])
@@ -145,7 +145,7 @@ def interfaces(scene: Scene, snapshots: Snapshots) -> Iterator[tuple[Floats, Flo
             corner = spheres_at((), [(int(at_row), int(at_column))], atoms, "half-plane")[0]
             (x0, y0), slope = atoms.positions[corner, :2], np.radians(angle)
             way = np.array([np.cos(slope), np.sin(slope)])
-            # Half a row before the first spheres of the half-plane
+            # The line is half a row spacing, √3/2 radii, before the first spheres of the half-plane
             start = np.array([x0, y0]) - np.sqrt(3) / 2 * np.array([-way[1], way[0]])
             along = (np.column_stack([x, y]) - start) @ way
             near = np.abs((np.column_stack([x, y]) - start) @ [-way[1], way[0]]) < 1.5

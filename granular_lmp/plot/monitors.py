@@ -1,4 +1,4 @@
-"""Signals of a monitor over time: a panel for each thing that it records, a line for each sphere, contact or row."""
+"""Figure of the signals of a monitor over time: a panel per quantity, and a line per sphere, contact or row."""
 
 from dataclasses import replace
 
@@ -15,16 +15,16 @@ from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.tables import places_of
 from granular_lmp.scene.monitor_kinds import Quantity, quantity_of
 
-MOST_LINES = 8  # If there are more, their mean is drawn between the least and the largest of them
+MOST_LINES = 8  # if there are more, a panel has their mean, and a band from the least to the largest of them
 
 
 def monitor_figure(monitor: MonitorRecord) -> Picture:
-    """Return a figure of what a monitor recorded, without signals that are zero, or rounding beside the largest.
+    """Return a figure of the signals of a monitor, without signals that are zero or rounding beside the largest.
 
     Raises
     ------
     ViewError
-        If the monitor has recorded nothing that is not zero.
+        If all signals of the monitor are zero.
     """
     columns, times = monitor.columns(), monitor.tau
     known = {name: quantity_of(name, monitor.monitor.known.quantities) for name in columns if not name.endswith("_t")}
@@ -32,7 +32,7 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
     found = {name: columns[name].reshape(len(times), -1) for name in symbols if len(times)}
     drawn = {name: found[name] for name in moving(found)}
     if not drawn:
-        raise ViewError(f"monitor {monitor.monitor.name}: recorded nothing but zeros; there is nothing to draw")
+        raise ViewError(f"monitor {monitor.monitor.name}: recorded only zeros; there is nothing to draw")
     figure = Picture(figsize=(PAGE, 0.9 + 1.2 * len(drawn)), layout="constrained")
     panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
     labels = _labels(monitor)
@@ -50,14 +50,14 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
 def _symbol(name: str, quantity: Quantity, scene: Scene) -> str:
     """Return the symbol of a signal with its unit."""
     axis = name.partition("_")[2]
-    unit = replace(quantity.unit, radius=0)  # the symbol of an angle holds R
+    unit = replace(quantity.unit, radius=0)  # the symbol of an angle already contains R
     words = unit.words(unit_of(scene), scene.scale.symbol, of_impact=scene.scale.of_impact)
     along = f" along {axis}" if axis else ""
     return f"{quantity.symbol}{along} (${words.replace('k1', 'k_1').replace('t0', 't_0')}$)"
 
 
 def _labels(monitor: MonitorRecord) -> list[str]:
-    """Return the places of the lines: [row, column] of spheres, or with the layer, of both of a contact, or a row."""
+    """Return the labels of the lines: "row n", the place [row, column(, layer)] of a sphere, or both of a contact."""
 
     def at(spheres: NDArray[np.int64]) -> list[str]:
         columns = places_of(monitor.crystal, spheres).values()
@@ -73,7 +73,7 @@ def _labels(monitor: MonitorRecord) -> list[str]:
 
 
 def draw_lines(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64], labels: list[str]) -> None:
-    """Draw a line for each column of values (T, n), or the mean of many and what lies between them."""
+    """Draw a line for each column of values (T, n); for more than `MOST_LINES`, their mean and range."""
     if len(labels) > MOST_LINES:
         axes.fill_between(times, np.nanmin(values, axis=1), np.nanmax(values, axis=1), color="0.85", linewidth=0)
         axes.plot(times, np.nanmean(values, axis=1), color="black", linewidth=0.9)

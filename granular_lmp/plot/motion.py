@@ -1,4 +1,4 @@
-"""Pictures of a chain without a wave: speeds over time, and bands."""
+"""Pictures of a chain without a wave: speeds at all times, and frequency bands."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ COLOURS = "magma_r"
 
 
 def chain_figure(record: Record) -> Picture:
-    """Return a picture of the speeds of the recorded spheres of a chain at all times."""
+    """Return a picture of the speeds of the recorded spheres of a chain, over time and row."""
     rows = record.problem.rest.atoms.arrays["row"][record.problem.rest.recorded]
     figure = speeds_figure(record.tau, rows, _speeds(record), _label(record))
     xlabel = rf"time $\tau$ ($t_0$ = {in_si(record.scale.time, 's')})"
@@ -30,19 +30,27 @@ def chain_figure(record: Record) -> Picture:
 
 
 def speeds_figure(times: Floats, places: NDArray[Any], speeds: Floats, label: str) -> Picture:
-    """Return a picture of speeds (T, n) in the unit of the darkest colour at all times and places along a line."""
+    """Return a picture of speeds over times (T,) and places (n,) along a line.
+
+    Parameters
+    ----------
+    times : (T,)
+    places : (n,)
+    speeds : (T, n), in units of the speed that has the darkest colour
+    label : label of the colour bar
+    """
     figure = Picture(figsize=(PAGE, 3.6), layout="constrained")
     axes: Axes = figure.subplots()
-    shown = np.maximum(speeds, LIGHTEST).T  # those below the colours as the lightest of them
+    shown = np.maximum(speeds, LIGHTEST).T  # speeds below the colour map have its lightest colour
     mesh = axes.pcolormesh(times, places, shown, norm=LogNorm(LIGHTEST, DARKEST), cmap=COLOURS, shading="nearest")
     figure.colorbar(mesh, label=label)
     return figure
 
 
 def bands_figure(problem: Problem) -> Figure:
-    """Return a figure of the bands of a chain that is pressed together, its gaps shaded, with an axis in hertz.
+    """Return a figure of the frequency bands of a compressed chain with shaded gaps, and an axis in hertz.
 
-    Raises SceneError as `Problem.cell`.
+    Raises SceneError for a scene that has no such chain (`granular_lmp.rest.face.Rest.cell`).
     """
     mass, stiffness = problem.rest.cell
     phases = np.linspace(0.0, np.pi, 200)
@@ -59,12 +67,12 @@ def bands_figure(problem: Problem) -> Figure:
 
 
 def _speeds(record: Record) -> NDArray[np.float64]:
-    """Return the speeds (T, n) in the unit of the colours."""
+    """Return the speeds (T, n) in units of the speed that has the darkest colour."""
     return np.asarray(np.linalg.norm(record.velocity, axis=-1) * record.scale.velocity / _unit(record))
 
 
 def _unit(record: Record) -> float:
-    """Return the speed of the darkest colour, m/s: v of an impact, else the largest that was recorded."""
+    """Return the speed of the darkest colour, m/s: the unit v of an impact, otherwise the largest recorded speed."""
     if record.scale.of_impact:
         return record.scale.velocity
     return float(np.linalg.norm(record.velocity, axis=-1).max(initial=0.0)) * record.scale.velocity or 1.0
@@ -73,5 +81,5 @@ def _unit(record: Record) -> float:
 def _label(record: Record) -> str:
     scene = record.scene
     struck = record.scale.of_impact and leads(scene.striker, scene.start, scene.sphere.radius)
-    unit = "that of the striker" if struck else in_si(_unit(record), "m/s")
+    unit = "speed of the striker" if struck else in_si(_unit(record), "m/s")
     return f"speed (unit: {unit})"

@@ -18,14 +18,14 @@ from granular_lmp.plot.signals import Picture, resized
 FRAMES_PER_SECOND = 10
 MOVIES = (".gif", ".mp4")
 MARK = "C3"
-FASTEST = 50  # frames a second, which is what a GIF can have
-_WIDTH = 560  # pixels, on which letters of 8 points are ten high
+FASTEST = 50  # frames per second, the limit of a GIF
+_WIDTH = 560  # pixels; letters of 8 points are then ten pixels high
 
 
 def refuse_movie(path: Path) -> None:
     """Raise ViewError if an MP4 needs the program ffmpeg, which is missing."""
     if path.suffix.lower() != ".gif" and not FFMpegWriter.isAvailable():
-        raise ViewError(f"{path}: needs the program ffmpeg, which was not found; a .gif does without")
+        raise ViewError(f"{path}: needs the program ffmpeg, which was not found; a .gif works without it")
 
 
 def write_movie(
@@ -37,23 +37,32 @@ def write_movie(
     fps: float = FRAMES_PER_SECOND,
     size: tuple[int, int] | None = None,
 ) -> None:
-    """Write a movie of a figure, whose frames `show` makes by their number; `colours` is its colour map.
+    """Write a movie of a figure as GIF or MP4.
 
-    It has `fps` frames a second, and `size` pixels along width and height (`resized`).
+    Parameters
+    ----------
+    figure : the figure, which `show` changes from frame to frame
+    show : callable
+        Called with the number of each frame, from 0 to count − 1.
+    count : number of frames
+    path : file; the suffix .gif or .mp4 sets the format
+    colours : colour map of the figure, for the palette of a GIF
+    fps : frames per second
+    size : width and height in pixels, as in `resized`
 
     Raises
     ------
     RunFolderError
         If the file cannot be written.
     ViewError
-        If ffmpeg fails.
+        If fps or size is out of range, ffmpeg fails, or matplotlib needs a missing program.
     """
 
     def frames() -> Iterator[Picture]:
         for number in range(count):
             show(number)
             yield figure
-            figure.set_layout_engine("none")  # all frames keep the layout of the first, which takes most of its time
+            figure.set_layout_engine("none")  # later frames keep the layout of the first, because layout is slow
 
     if not 0 < fps <= FASTEST:
         raise ViewError(f"fps = {fps!r}: must be above 0, and at most {FASTEST}")
@@ -74,19 +83,20 @@ def write_movie(
 
 
 def _write_gif(figure: Picture, frames: Iterable[Picture], path: Path, colours: str, fps: float) -> None:
-    """Write a GIF with one palette, without dither, for all frames of a figure.
+    """Write a GIF with one palette for all frames of a figure, without dither.
 
-    The file is half as large as that of matplotlib's writer and does not flicker.
+    The file is half as large as a file of matplotlib's writer, and does not flicker.
     """
     shades = [colormaps[colours](np.linspace(0, 1, 216)), colormaps["gray"](np.linspace(0, 1, 32))]
     shades.append(LinearSegmentedColormap.from_list("", [MARK, "white"])(np.linspace(0, 1, 8)))
     palette = Image.new("P", (1, 1))
     palette.putpalette((255 * np.vstack(shades)[:, :3]).round().astype(np.uint8).tobytes())
     images: list[Image.Image] = []
-    canvas = FigureCanvasAgg(figure)  # one for all frames: it keeps the formulas that it has set
+    canvas = FigureCanvasAgg(figure)  # one canvas for all frames, because it caches the formulas that it has rendered
     for _ in frames:
         canvas.draw()
         image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
-    # What shows one picture of a movie shows the first, where nothing moves yet: it goes round, so its end comes first
+    # The last frame comes first, because previews show only the first frame, and nothing moves yet at the start. The
+    # movie loops, so the order stays the same
     images[-1].save(path, save_all=True, append_images=images[:-1], duration=round(1000 / fps), loop=0)

@@ -1,4 +1,4 @@
-"""Cards of a scene, a record, a sweep and a deck in a notebook, and the page of snapshots, which can be played."""
+"""Notebook cards of a scene, a record, a sweep and a deck, and the interactive page of snapshots."""
 
 from base64 import b64encode
 from collections.abc import Mapping
@@ -21,20 +21,20 @@ from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.studies.sweep import Sweep
 
-_DPI = 55  # a picture of 350 pixels and 10 to 20 kB: a notebook keeps it in its file
-_ROWS = 6  # a card shows at most six of a sweep
+_DPI = 55  # for pictures of 350 pixels and 10 to 20 kB, because a notebook stores them in its file
+_ROWS = 6  # largest number of runs on the card of a sweep
 
 
 @singledispatch
 def html(thing: Any) -> str:
-    """Return what a notebook shows of a thing.
+    """Return the HTML by which a notebook shows an object.
 
     Raises
     ------
     TypeError
-        For an object of another kind.
+        For an object without a card.
     """
-    raise TypeError(f"{type(thing).__name__}: a notebook has no picture of it")
+    raise TypeError(f"{type(thing).__name__}: there is no notebook card for this type")
 
 
 @html.register
@@ -56,7 +56,7 @@ def _(record: Record) -> str:
 
 
 def _picture(record: Record) -> Figure | None:
-    """Return the signals of a wave; without one a chain over time, a sheet at its end, and None of an empty record."""
+    """Return the signals of a wave, otherwise a chain over time or the last snapshot; None for an empty record."""
     if record.scene.wave is not None:
         return record.plot()
     if not len(record.tau):
@@ -73,7 +73,7 @@ def _(sweep: Sweep) -> str:
     more = f"<p>and {len(sweep.rows) - _ROWS} more</p>" if len(sweep.rows) > _ROWS else ""
     try:
         picture: Figure | None = sweep_figure(sweep)
-    except ViewError:  # nothing is finished, or it is swept over pairs
+    except ViewError:  # no run is finished, or the swept key holds pairs
         picture = None
     return _card(repr(sweep), {}, picture, _table(columns, lines) + more)
 

@@ -1,6 +1,7 @@
-"""A page of a run that a browser or a notebook shows: time, colours, side and magnification are chosen there.
+"""Interactive page of a run for a browser or a notebook: the reader chooses time, colours, side and magnification.
 
-The page is one file without anything from elsewhere. Motions are 16-bit integers of their largest, an error of 2e-5.
+The page is one self-contained file. It stores motions as 16-bit integers in units of the largest value, with an error
+of 2e-5 of that value.
 """
 
 import json
@@ -23,7 +24,7 @@ from granular_lmp.plot.spheres import LARGEST_SHIFT, copies_of, round_below, usu
 from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.runs.snapshots import Snapshots
 
-MOST_BYTES = 6_000_000  # A page holds motions of at most this size; it shows every n-th snapshot of a longer run
+MOST_BYTES = 6_000_000  # largest size of the motions in a page; of a longer run it shows every n-th snapshot
 _SIGNS = {"source": "★", "striker": "▲", "monitor": "□", "inclusion": "•"}
 _MAPS = {"symmetric": "RdBu_r", "positive": "YlOrRd", "decades": "magma_r"}
 _LARGEST = 2**15 - 1
@@ -35,21 +36,21 @@ def page(snapshots: Snapshots) -> str:
     Raises
     ------
     ViewError
-        If the run holds no whole snapshot yet.
+        If the run has no complete snapshot yet.
     """
     text = files("granular_lmp.plot").joinpath("page.html").read_text("utf-8")
-    # A name cannot end the script, as no character "<" is left in it
+    # Without the character "<", a name in the data cannot end the script
     data = json.dumps(_data(snapshots), allow_nan=False).replace("<", "\\u003c")
     plain = title(snapshots.scene).replace("$", "").replace(r"\Delta_0", "Δ₀").replace(r"\xi", "ξ").replace("D_0", "D₀")
-    before, after = text.split("DATA")  # before the title is there, which may hold that word
+    before, after = text.split("DATA")  # before the title is inserted, which may contain this word
     return before.replace("TITLE", escape(plain)) + data + after
 
 
 def _data(snapshots: Snapshots) -> dict[str, Any]:
-    """Return what the page shows."""
+    """Return all data of the page, as its script reads them."""
     scene, count = snapshots.scene, len(snapshots)
     if not count:
-        raise ViewError(f"{snapshots.path}: holds no whole snapshot yet")
+        raise ViewError(f"{snapshots.path}: has no complete snapshot yet")
     turns = scene.effects.tracking is True
     columns = scene.space + 1 + (1 if scene.space == 2 else 3) * turns
     every = ceil(2 * columns * count * len(snapshots.rest) / MOST_BYTES)
@@ -95,7 +96,7 @@ def _data(snapshots: Snapshots) -> dict[str, Any]:
 
 
 def _packed(values: Floats) -> dict[str, Any]:
-    """Return values as 16-bit integers of their largest, in base64."""
+    """Return the largest value, and all values in units of it as 16-bit integers in base64."""
     largest = float(np.abs(values).max(initial=0.0))
     whole = np.rint(values * (_LARGEST / largest if largest else 0.0)).astype("<i2")
     return {"largest": largest, "values": b64encode(whole.tobytes()).decode()}

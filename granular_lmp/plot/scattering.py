@@ -1,4 +1,4 @@
-"""Figure of what passes the inclusions of a scene and what comes back, over frequency."""
+"""Figure of transmission and reflection by the inclusions of a scene, over frequency."""
 
 from granular_lmp.plot.signals import BRANCH_STYLES, PAGE, Picture, in_words
 from granular_lmp.studies.scatter import Scatter
@@ -7,7 +7,7 @@ _MARKERS = {"burst": "o", "tone": "s"}
 
 
 def scattering_figure(found: Scatter) -> Picture:
-    """Return a figure of the shares of the incident energy, with their errors and their sum."""
+    """Return a figure of the transmitted and reflected shares of the incident energy, with errors, and their sum."""
     figure = Picture(figsize=(PAGE, 3.8), layout="constrained")
     axes = figure.subplots()
     for mode in found.modes:

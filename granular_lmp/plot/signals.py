@@ -1,4 +1,4 @@
-"""Figures of signals and of the dispersion, drawn without pyplot."""
+"""Figures of signals and of the dispersion relation, drawn without pyplot."""
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -27,7 +27,7 @@ class LineStyle(TypedDict):
     linestyle: str
 
 
-# The dashes distinguish the modes in print without colour
+# Dashes distinguish the modes if printed without colour
 BRANCH_STYLES: dict[str, LineStyle] = {
     "L": {"color": "black", "linestyle": "-"},
     "TR": {"color": "C0", "linestyle": "--"},
@@ -43,11 +43,11 @@ SPACE = {f"u{axis}": rf"$u_{axis}$ ($D_0$)" for axis in "xyz"} | {f"phi{axis}": 
 
 FEWEST_PIXELS, MOST_PIXELS = 100, 4000
 DPI = 200  # dots per inch of a file
-PAGE = 6.3  # inches, 16 cm: the width of all figures, on which `matplotlibrc` has letters of at least 8 points
+PAGE = 6.3  # inches (16 cm), the width of all figures; in `matplotlibrc` all text has at least 8 points
 
 
 class Picture(Figure):
-    """A figure that a notebook shows without pyplot."""
+    """Figure that a notebook shows without pyplot."""
 
     def _repr_png_(self) -> bytes:
         return png(self, dpi=100)
@@ -61,9 +61,9 @@ def png(figure: Figure, dpi: int) -> bytes:
 
 
 def signals_to_draw(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
-    """Return the names of the signals to draw: those that are not zero by symmetry, p if all are.
+    """Return the names of the signals to draw: all that are not zero by symmetry, or p if all are zero.
 
-    In space displacements and angles by their axes, which hold p, q and φ.
+    In space these are the displacements and angles along the axes, which include p, q and φ.
     """
     worth = {*moving(signals)} & SPACE.keys() or {*moving(signals)} or {"p"}
     return [name for name in signals if name in worth]
@@ -87,12 +87,12 @@ def draw_signals(
 
 
 def in_words(name: str) -> str:
-    """Return the name of a scene in words, as titles have it."""
+    """Return the name of a scene for a title, with spaces in place of underscores."""
     return name.replace("_", " ")
 
 
 def title(scene: Scene) -> str:
-    """Return a title: name, and of a wave its mode and kind, ξ and direction that are used, and amplitude."""
+    """Return a title: the name of the scene with its wave (mode, kind, used ξ and direction, D0) or other motion."""
     wave, name = scene.wave, in_words(scene.name)
     if wave is None or not wave.known.waves:
         unit = "" if wave is None else rf", $D_0$ = {wave.amplitude:g} $\Delta_0$"
@@ -108,7 +108,7 @@ def title(scene: Scene) -> str:
 
 
 def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], scene: Scene) -> Picture:
-    """Return a figure of p, q, φ of the centre sphere over τ, without signals that are zero by symmetry."""
+    """Return a figure of the signals of the centre sphere over τ, without signals that are zero by symmetry."""
     names = signals_to_draw(signals)
     figure = Picture(figsize=(PAGE, 0.9 + 1.2 * len(names)), layout="constrained")
     panels = list(figure.subplots(len(names), squeeze=False, sharex=True)[:, 0])
@@ -118,12 +118,12 @@ def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np
 
 
 def dispersion_figure(scene: Scene) -> Figure:
-    """Return a figure of Ω(ξ) in the scene's lattice and direction with its wave marked, and an axis in Hz to GHz.
+    """Return a figure of Ω(ξ) along the direction of a scene's wave, with the wave marked, and an axis in Hz to GHz.
 
     Without a wave the direction is y.
 
     Along y and x the branches have the names of the modes. In other directions branches exchange their names, so all
-    are drawn alike, and so are those of several spheres a cell.
+    branches have the same style, and also in crystals with several spheres per cell.
     """
     lattice, physics = wave_contacts(scene), physics_of(scene)
     vector = scene.lattice.vector(pi / 2) if scene.wave is None else scene.vector
@@ -149,19 +149,19 @@ def dispersion_figure(scene: Scene) -> Figure:
 
 
 def in_si(value: float, unit: str) -> str:
-    """Return a value in SI units in words: "12.5 µm"."""
+    """Return a value as text with an SI prefix, for example "12.5 µm"."""
     prefixes = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p"}
     size = next((size for size in prefixes if abs(value) >= size * (1 - 1e-9)), 1e-12 if value else 1.0)
     return f"{value / size:.3g} {prefixes[size]}{unit}"
 
 
 def clock(tau: float, scene: Scene) -> str:
-    """Return a time as a title has it, in t0 and in SI units."""
+    """Return a time for a title, in t0 and in SI units."""
     return rf"$\tau$ = {tau:.4g} ({in_si(tau * scene.scale.time, 's')})"
 
 
 def frequency_axis(axes: Axes, per_hertz: float) -> None:
-    """Add an axis from Hz to GHz at the right of one in rad/t0, 2π t0 of which are a hertz."""
+    """Add an axis in Hz to GHz at the right of an axis in rad/t0; per_hertz = 2π t0/s is the value of one hertz."""
     size, unit = _unit_of_frequency(axes.get_ylim()[1] / per_hertz)
     right = axes.secondary_yaxis(
         "right",
@@ -171,16 +171,16 @@ def frequency_axis(axes: Axes, per_hertz: float) -> None:
 
 
 def _unit_of_frequency(largest: float) -> tuple[float, str]:
-    """Return size in Hz and name of the largest unit from Hz to GHz in which `largest`, in Hz, is at least 1."""
+    """Return the largest unit from Hz to GHz in which `largest`, in Hz, is at least 1: its size in Hz and its name."""
     sizes = {1.0: "Hz", 1e3: "kHz", 1e6: "MHz", 1e9: "GHz"}
     size = max((size for size in sizes if size <= largest), default=1.0)
     return size, sizes[size]
 
 
 def resized(figure: Figure, size: tuple[int, int]) -> float:
-    """Give a figure the shape of a size in pixels, and return the dots per inch with which it has that size.
+    """Change the shape of a figure to a size in pixels, and return the dots per inch that give this size.
 
-    Its width in inches stays, so that letters grow with the picture.
+    The width in inches stays the same, so letters grow with the picture. Raises ViewError for a size out of range.
     """
     width, height = size
     if not all(FEWEST_PIXELS <= each <= MOST_PIXELS for each in size):
@@ -191,14 +191,15 @@ def resized(figure: Figure, size: tuple[int, int]) -> float:
 
 
 def save(figure: Figure, path: str | Path, size: tuple[int, int] | None = None) -> None:
-    """Write the figure in the format of the file's suffix, with a size in pixels (`resized`); its folder is created.
+    """Write the figure in the format of the file's suffix, with a size in pixels (`resized`), and make its folder.
 
     Raises
     ------
     RunFolderError
         If matplotlib does not write this format, or the file cannot be written.
     ViewError
-        If the settings of matplotlib need a program that this machine does not have, as ``text.usetex`` LaTeX.
+        If the size is out of range, or settings of matplotlib need a missing program, such as LaTeX for
+        ``text.usetex``.
     """
     path = Path(path)
     known = figure.canvas.get_supported_filetypes()

@@ -1,4 +1,4 @@
-"""Spheres of a run in the axes of a figure: discs that move and turn, a bar of length, and marks on some of them."""
+"""Spheres of a run in the axes of a figure: discs that move and turn, a length bar, and marks on some spheres."""
 
 from collections.abc import Iterable
 from math import floor, inf, log10
@@ -17,19 +17,19 @@ from granular_lmp.plot.signals import in_si
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 
-ROWS = 25  # rows of a wave that are drawn by default: three wavelengths of the paper's first case
+ROWS = 25  # rows drawn by default for a wave: three wavelengths of the paper's first case
 _SEEN = 0.99  # share of the largest value below which the colour bar shows that values lie beyond its ends
-LARGEST_SHIFT = 0.5  # radii: largest D0 as drawn by the default magnification
-FEWEST_DRAWN = 8  # columns, with the copies of a narrow cell
+LARGEST_SHIFT = 0.5  # radii; largest D0 as drawn with the default magnification
+FEWEST_DRAWN = 8  # least number of columns, including the copies of a narrow cell
 MOST_WITH_EDGES = 1500  # spheres; with more, edges and diameters would hide the colours
-_BAR = 0.25  # The bar of length has at most this share of the width
-_NARROW = 0.6  # width over height, below which a title and the bar would stand on one another
+_BAR = 0.25  # largest length of the length bar, as a share of the width
+_NARROW = 0.6  # width over height, below which the title and the length bar would overlap
 
 
 class SpheresInAxes:
-    """Spheres in their axes, lengths in radii: discs with a diameter that turns, coloured by one quantity.
+    """Spheres in axes with lengths in radii: discs coloured by one quantity, with a diameter that shows the rotation.
 
-    Held spheres have a thick edge. Without a wave displacements are drawn only where a factor is given.
+    Held spheres have a thick edge. Without a wave, displacements are drawn only if a factor is given.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class SpheresInAxes:
             values = np.abs(self._values(moment))
             end, largest = max(end, colouring.end(values)), max(largest, float(values.max()))
             reach = max(reach, self.stretch * float(np.max(np.abs(moment.displacement[self.drawn]))))
-        self.discs.set_norm(colouring.norm(end or largest or 1.0))  # no range of zero if all spheres are at rest
+        self.discs.set_norm(colouring.norm(end or largest or 1.0))  # the range must not be empty if all are at rest
         axes.add_collection(self.discs, autolim=False)
         self.hands = LineCollection([], linewidths=0.6)
         axes.add_collection(self.hands, autolim=False)
@@ -108,7 +108,7 @@ class SpheresInAxes:
         return np.tile(self.colouring.value(moment, self.scene, self.side)[self.drawn], self.copies)
 
     def show(self, moment: Spheres) -> None:
-        """Move and colour the spheres as at a moment."""
+        """Move and colour the spheres as in a snapshot."""
         moved = self.side.flat(moment.displacement)[self.drawn]
         centres = self.rest + self.stretch * np.tile(moved, (self.copies, 1))
         self.discs.set_offsets(centres)
@@ -124,23 +124,23 @@ class SpheresInAxes:
 
 
 def usual_rows(scene: Scene) -> int:
-    """Return how many rows are drawn by default: `ROWS` of a wave, which is everywhere; all of a push or a strike."""
+    """Return the default number of drawn rows: `ROWS` for a wave, which fills the crystal; all for a push or strike."""
     return min(ROWS, scene.shape.rows) if scene.form.waves else scene.shape.rows
 
 
 def copies_of(shape: Shape) -> int:
-    """Return how many times a cell that is periodic along x is drawn side by side."""
+    """Return how often a cell is drawn side by side: enough for `FEWEST_DRAWN` columns if periodic along x, else 1."""
     return -(-FEWEST_DRAWN // shape.columns) if shape.along_x else 1
 
 
 def round_below(value: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, the largest that is at most a value."""
+    """Return the largest of 1, 2 or 5 times a power of ten that is at most a value."""
     power = 10.0 ** floor(log10(value))
     return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
 
 
 def _scale_bar(axes: Axes, width: float, radius: float) -> None:
-    """Draw a bar of a round length above the right end of axes whose lengths are in radii of this many metres."""
+    """Draw a bar of a round length above the right end of axes in units of the radius, which is in metres."""
     length = round_below(_BAR * width * radius)
     bar = AnchoredSizeBar(
         axes.transData, length / radius, in_si(length, "m"), "lower right", pad=0.0, borderpad=0.3, sep=2,
@@ -151,7 +151,7 @@ def _scale_bar(axes: Axes, width: float, radius: float) -> None:
 
 
 def _count_rows(axis: Axis, ends: tuple[int, int], scene: Scene) -> None:
-    """Write the numbers of rows along an axis: of a wave from the centre row, else as scene files count them."""
+    """Write the row numbers along an axis: counted from the centre row for a wave, otherwise as in scene files."""
     spacing = scene.shape.lattice.row_distance(lattice_constant(scene.sphere))
     apart = 5 * -(-(ends[1] - ends[0] + 1) // 60)
     zero = 0 if scene.form.waves else scene.shape.centre_row

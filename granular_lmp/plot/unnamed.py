@@ -1,4 +1,4 @@
-"""Pictures and movies of an unnamed crystal: a chain at all times, other spheres at one moment or in a movie."""
+"""Pictures and movies of an unnamed crystal: a chain over time, other spheres at one time or in a movie."""
 
 import re
 from collections.abc import Callable
@@ -19,8 +19,8 @@ from granular_lmp.runs.unnamed import Moment, Unnamed
 
 Floats = NDArray[np.float64]
 
-_LOW = 0.3  # height over width, below which the numbers of an axis would stand on one another
-# Quantity of each sphere, its label and its unit
+_LOW = 0.3  # height over width, below which the numbers of an axis would overlap
+# Values (N,) from a snapshot and the positions at rest, their label, and their unit
 _QUANTITIES: dict[str, tuple[Callable[[Moment, Floats], Floats], str, str]] = {
     "speed": (lambda moment, _: np.linalg.norm(moment.velocity, axis=1), "speed", "m/s"),
     "displacement": (lambda moment, rest: np.linalg.norm(moment.place - rest, axis=1), "displacement", "m"),
@@ -41,23 +41,25 @@ def draw_unnamed(
     fps: float | None = None,
     size: tuple[int, int] | None = None,
 ) -> None:
-    """Draw an unnamed crystal into a picture, or a movie of all snapshots; arguments as of `granular_lmp.plot.view`.
+    """Draw an unnamed crystal as a picture, or as a movie of all snapshots.
 
-    Spheres along a line are drawn at all times, unless a time, a colour or a side is given.
+    Arguments are those of `granular_lmp.plot.view.view`. The picture of spheres along a line shows all times, unless a
+    time, a colour, a factor or a side is given.
 
     Raises
     ------
     ViewError
-        For an unknown colour or side, a time beyond the snapshots, or what does not fit the kind of picture.
+        For an unknown colour or side, a time beyond the snapshots, or an option or suffix that does not fit the
+        picture.
     """
     movie = path.suffix.lower() in MOVIES
     if len(crystal.axes) == 1 and not movie and tau is None and colour is None and magnify is None and side is None:
         save(_over_time(crystal), path, size)
         return
     if path.suffix.lower() == ".html":
-        raise ViewError(f"{path}: a page is not drawn of an unnamed crystal; take .png, .pdf, .svg, .gif or .mp4")
+        raise ViewError(f"{path}: unnamed crystals have no page; take .png, .pdf, .svg, .gif or .mp4")
     if movie and tau is not None:
-        raise ViewError("--tau: is not for a movie, which shows all snapshots")
+        raise ViewError("--tau: cannot be used for a movie, which shows all snapshots")
     numbers = range(len(crystal)) if movie else [_nearest(crystal, tau)]
     scene = _Spheres(crystal, numbers, colour or "speed", magnify or 0.0, _side(crystal, side))
     if not movie:
@@ -69,22 +71,22 @@ def draw_unnamed(
 
 
 def contacts_figure(crystal: Unnamed, name: str) -> Picture:
-    """Return the figure of contacts over time, a panel for each quantity and a line for each contact.
+    """Return the figure of contacts over time, with a panel for each quantity and a line for each contact.
 
     Raises
     ------
     ViewError
-        For another name than "contacts", or contacts of which the spheres alone are known.
+        For another name than "contacts", or contacts without a quantity to draw.
     """
     if name != "contacts":
-        raise ViewError(f"monitor = {name!r}: an unnamed crystal has 'contacts' alone")
+        raise ViewError(f"monitor = {name!r}: an unnamed crystal has only 'contacts'")
     columns = crystal.contact_columns
     (time, times), (_, one), (_, other), *quantities = columns.items()
     moments, at = np.unique(times, return_inverse=True)
     pairs, which = np.unique(np.stack([one, other], axis=1), axis=0, return_inverse=True)
     drawn = [(each, values) for each, values in quantities if not re.search("_[xyz](_|$)", each)]
     if not drawn:
-        raise ViewError(f"{crystal.folder}: its contacts have no overlap and no size of a force that could be drawn")
+        raise ViewError(f"{crystal.folder}: the contacts have no overlap or magnitude of a force that could be drawn")
     figure = Picture(figsize=(PAGE, 0.9 + 1.2 * len(drawn)), layout="constrained")
     panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
     for panel, (each, values) in zip(panels, drawn, strict=True):
@@ -102,7 +104,7 @@ def contacts_figure(crystal: Unnamed, name: str) -> Picture:
 
 
 def _over_time(crystal: Unnamed) -> Picture:
-    """Return the picture of spheres on a line at all times."""
+    """Return the picture of the speeds of spheres on a line over time."""
     (axis,) = crystal.axes
     order = np.argsort(crystal.rest[:, axis])
     speeds = np.linalg.norm(crystal.stack("velocity"), axis=-1)[:, order]
@@ -129,14 +131,14 @@ def _nearest(crystal: Unnamed, time: float | None) -> int:
 
 
 def _side(crystal: Unnamed, name: str | None) -> Side:
-    """Return the side by its name, by default one from which a crystal in a plane is seen as it is."""
+    """Return a side by name; the default is a side from which the plane of a planar crystal is fully visible."""
     if name is not None and name not in SIDES:
         raise ViewError(f"side = {name!r}: must be one of {', '.join(SIDES)}")
     return SIDES[name] if name else next(each for each in SIDES.values() if {*crystal.axes[:2]} <= {*each.page})
 
 
 class _Spheres:
-    """Figure of the spheres, which `show` moves and colours as in a snapshot."""
+    """Figure of the spheres; `show` moves and colours them as in a snapshot."""
 
     def __init__(self, crystal: Unnamed, numbers: range | list[int], colour: str, magnify: float, side: Side) -> None:
         if colour not in _QUANTITIES:
@@ -166,7 +168,7 @@ class _Spheres:
         self.figure.colorbar(self.discs, ax=axes, label=said, fraction=0.05, pad=0.02)
 
     def show(self, number: int) -> None:
-        """Draw a snapshot; displacements are drawn only where a factor is given."""
+        """Draw a snapshot; displacements are drawn only if a factor is given."""
         moment, rest = self.crystal[number], self.crystal.rest
         self.discs.set_offsets(self.side.flat(rest + self.magnify * (moment.place - rest)))
         self.discs.set_array(self.value(moment, rest))

@@ -1,4 +1,4 @@
-"""Pictures of a folder: of a run its crystal (`granular_lmp.plot.crystal`) or trajectory, of a sweep a curve."""
+"""Pictures of a folder: the crystal (`granular_lmp.plot.crystal`) or trajectory of a run, or the curve of a sweep."""
 
 from pathlib import Path
 from typing import Any
@@ -33,11 +33,11 @@ _LABELS = {
     "direction_used": "direction used (degrees from x)",
     "frequency": r"frequency $\Omega$ (rad per $t_0$)",
     "seconds": "seconds",
-    "far_speed": "largest speed of the far sphere (of the striker's)",
+    "far_speed": "largest speed of the far sphere / speed of the striker",
     "far_tau": "arrival at the far sphere ($t_0$)",
-    "kinetic_kept": "kinetic energy at the end (of that at the beginning)",
-    "energy_kept": "energy at the end (of that at the beginning)",
-    "largest_overlap": "largest overlap (of the diameter)",
+    "kinetic_kept": "final / initial kinetic energy",
+    "energy_kept": "final / initial energy",
+    "largest_overlap": "largest overlap / diameter",
 }
 
 
@@ -57,48 +57,49 @@ def view(
     fps: float | None = None,
     size: tuple[int, int] | None = None,
 ) -> list[str]:
-    """Draw a run or a sweep folder into a picture, a run into a movie or a page, or the crystal of a scene at rest.
+    """Draw a run as a picture, a movie or a page, a sweep as a picture, or the crystal of a scene at rest.
 
-    Of a run without a wave a chain is drawn over time, and a sheet at `tau`; so are unnamed crystals, whose `tau` is a
-    time in seconds (of units lj in these).
+    Without a wave, the picture shows a chain over time, and other crystals at `tau`. The same holds for unnamed
+    crystals, in which `tau` is a time in seconds (in units lj, in the unit of time).
 
     Parameters
     ----------
     folder : path
         Run folder or sweep folder; with `at_rest` anything that `Scene.load` reads.
     path : path
-        File whose suffix sets the format; ".html" is a page in which time, colours and side are chosen.
+        File whose suffix sets the format; ".html" is an interactive page with a choice of time, colours and side.
     tau, colour, magnify, rows, fronts, side
         Options for a run, as in `run_figure`.
     column : str, optional
         Option for a sweep, as in `sweep_figure`.
     monitor : str, optional
-        Name of a monitor of a run, whose signals are drawn, as in `monitor_figure`; "contacts" of an unnamed crystal.
+        Name of a monitor of a run, whose signals are drawn as in `monitor_figure`; "contacts" for an unnamed crystal.
     at_rest : bool
         True for the crystal at rest, as in `at_rest_figure`.
     fps : float, optional
-        Frames a second of a movie, by default 10.
+        Frames per second of a movie, by default 10.
     size : (int, int), optional
         Width and height in pixels. Letters grow with the width.
 
     Returns
     -------
     list of str
-        A warning for each thing that is missing in the picture.
+        A warning for each part that is missing from the picture.
 
     Raises
     ------
     RunFolderError
-        If the folder holds neither a run nor a sweep, or the file cannot be written.
+        If the folder is neither a run nor a sweep, or the file cannot be written.
     ViewError
-        If the run does not hold the requested data, or a program is missing on this machine.
+        If the run does not have the requested data, an option does not fit the picture, or a program is missing on
+        this machine.
     """
     folder, path = Path(folder), Path(path)
     of_a_run: dict[str, Any] = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
     of_a_run |= {"fronts": fronts or None, "side": side, "monitor": monitor, "fps": fps}
     if at_rest:
         _refuse(folder, "a crystal at rest", of_a_run | {"column": column})
-        _refuse_movie(path, "a crystal at rest is drawn in a picture")
+        _refuse_movie(path, "a crystal at rest is drawn as a picture")
         save(at_rest_figure(Scene.load(folder)), path, size)
         return []
     if is_unnamed(folder):
@@ -112,19 +113,19 @@ def view(
         return []
     if (folder / SWEEP).is_file():
         _refuse(folder, "the picture of a sweep", of_a_run)
-        _refuse_movie(path, "a sweep is drawn as a curve, in a picture")
+        _refuse_movie(path, "a sweep is drawn as a curve in a picture")
         swept = Sweep.load(folder)
         save(sweep_figure(swept, column), path, size)
         return swept.notes
     record = Record.load(folder, unfinished=True)
     if not len(record.tau):
-        raise ViewError(f"{folder}: holds no record yet; there is nothing to draw")
+        raise ViewError(f"{folder}: has no record yet; there is nothing to draw")
     status, message = record.info.get("status"), record.info.get("message")
     lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
     if monitor is None:
         return lacks + _draw_spheres(record, folder, path, of_a_run, column, size)
     _refuse(folder, "the picture of a monitor", of_a_run | {"monitor": None, "column": column})
-    _refuse_movie(path, "a monitor is drawn over time, in a picture")
+    _refuse_movie(path, "a monitor is drawn over time in a picture")
     save(monitor_figure(record.monitor(monitor)), path, size)
     return lacks
 
@@ -132,7 +133,7 @@ def view(
 def _draw_spheres(
     record: Record, folder: Path, path: Path, options: dict[str, Any], column: str | None, size: tuple[int, int] | None
 ) -> list[str]:
-    """Draw the spheres of a run: a chain over time, else a picture, a movie or a page; return what is missing."""
+    """Draw the spheres of a run as a chain over time, picture, movie or page; return warnings of missing parts."""
     movie, as_page = path.suffix.lower() in MOVIES, path.suffix.lower() == ".html"
     chain = record.scene.wave is None and record.scene.lattice == CHAIN and not as_page
     what = "the picture of a chain, which shows all times" if chain else f"a {'movie' if movie else 'picture'} of a run"
@@ -140,7 +141,7 @@ def _draw_spheres(
     _refuse(folder, what, {"column": column, unfit: options[unfit]})
     if chain:
         _refuse(folder, what, options)
-        _refuse_movie(path, "a chain is drawn at all times, in a picture")
+        _refuse_movie(path, "a chain is drawn over time in a picture")
         save(chain_figure(record), path, size)
         return []
     try:
@@ -149,9 +150,9 @@ def _draw_spheres(
         if movie or as_page or any(value is not None for value in options.values()):
             raise ViewError(str(missing)) from missing
         save(record.plot(), path, size)
-        return [f"{missing}; drawn are p, q and phi of the centre sphere"]
+        return [f"{missing}; p, q and phi of the centre sphere are drawn instead"]
     if as_page:
-        _refuse(folder, "a page, on which it is chosen", options | {"size": size})
+        _refuse(folder, "a page, in which the reader chooses it", options | {"size": size})
         with whole(path) as draft:
             draft.write_text(page(snapshots), encoding="utf-8")
         return []
@@ -165,34 +166,32 @@ def _draw_spheres(
 
 def _refuse_movie(path: Path, instead: str) -> None:
     if path.suffix.lower() in MOVIES:
-        raise ViewError(f"{path}: {instead}; not in a movie")
+        raise ViewError(f"{path}: {instead}, not as a movie")
 
 
 def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:
     unfit = [name for name, value in options.items() if value is not None]
     if unfit:
-        raise ViewError(f"--{unfit[0]}: is not for {what} ({folder})")
+        raise ViewError(f"--{unfit[0]}: cannot be used for {what} ({folder})")
 
 
 def _why_not(sweep: Sweep, column: str) -> str | None:
-    """Return why nothing was read off the monitor that a column is of, as its first finished run says; None without."""
+    """Return the reason why the monitor of a column has no read-outs, from the first finished run; None without one."""
     for row in sweep.having("finished")[:1]:
         return sweep.record(row).info.get("monitors", {}).get(column.partition(".")[0], {}).get("why")
     return None
 
 
 def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
-    """Return a figure of a column over the key with most values, with a curve for each combination of the others.
+    """Return a figure of a column over the key with most values, with a curve for each combination of the other keys.
 
-    By default it is the first of `Sweep.main_columns`.
-
-    A read-out of a monitor has its errors as bars. Runs that are not finished leave gaps, and the title counts the
-    finished ones.
+    The default column is the first of `Sweep.main_columns`. Error bars show the errors of a read-out of a monitor.
+    Unfinished runs leave gaps, and the title states the number of finished runs.
 
     Raises
     ------
     ViewError
-        If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
+        If the column does not contain numbers, the sweep is over pairs of numbers, or no run is finished.
     """
     column = column or sweep.main_columns[0]
     asked = [f"{key}{ASKED}" for key in sweep.over]
@@ -204,11 +203,12 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
         raise ViewError(f"column = {column!r}: must be one of {', '.join(allowed)}")
     finished = len(sweep.having("finished"))
     if not finished:
-        raise ViewError(f"{sweep.folder}: none of its {len(sweep.rows)} runs is finished; there is nothing to draw")
+        raise ViewError(f"{sweep.folder}: none of the {len(sweep.rows)} runs is finished; there is nothing to draw")
     key = max(sweep.over, key=lambda each: len(sweep.over[each]))
     if any(isinstance(value, list | tuple) for value in sweep.over[key]):
         raise ViewError(
-            f"{sweep.folder}: {key} holds pairs, and is no axis; sweep over wave.direction and wave.wavenumber"
+            f"{sweep.folder}: the values of {key} are pairs, which cannot form an axis; sweep over wave.direction and "
+            "wave.wavenumber"
         )
     read_off = "." in column and f"{column}_error" in allowed
     others = [name for swept, name in zip(sweep.over, sweep.axes, strict=True) if swept != key]
@@ -226,7 +226,7 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
         if read_off:
             bars = np.array([row[f"{column}_error"] for row in rows], dtype=float)
             axes.errorbar(places, np.array(heights, dtype=float), bars, fmt="none", ecolor="0.6", capsize=2)
-    # What follows a semicolon is advice to who writes the scene
+    # The comment of a key after a semicolon is advice for writing scenes
     comment = note(key, sweep.scene).partition("; ")[0]
     unit = comment.partition(", ")[0] if read_off else comment
     said = _read_out(column) if read_off else _LABELS.get(column, column)
@@ -241,7 +241,7 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
 
 
 def _read_out(column: str) -> str:
-    """Return the label of a read-out of a monitor, as "behind.v2" or "behind.v_static"."""
+    """Return the axis label of a read-out of a monitor, such as "behind.v2" or "behind.v_static"."""
     monitor, _, name = column.rpartition(".")
     component = name.rstrip("0123456789").removesuffix("_static")
     symbol, order = component.replace("phi", r"\varphi "), name.removeprefix(component)
@@ -250,7 +250,7 @@ def _read_out(column: str) -> str:
 
 
 def _in_words(key: str) -> str:
-    """Return a dotted key in words, with its table where the name of the key alone would not say whose it is."""
+    """Return a dotted key in words, with its table where the name of the key alone would be ambiguous."""
     table, _, name = key.rpartition(".")
     words = name.replace("wavenumber", "wave number").replace("_", " ")
     return words if table in ("wave", "time", "packing") else f"{words} of {table.replace('.', ' ')}"

@@ -96,7 +96,7 @@ def test_overlap_and_force_follow_from_the_positions_where_no_force_is_given() -
 
 
 def test_a_force_that_the_positions_do_not_have_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"contact_force = 1e-06: makes an overlap of .* of this crystal"):
+    with pytest.raises(ValueError, match=r"contact_force = 1e-06: causes an overlap of .* of this crystal"):
         find_contacts(unit_cell(SILICA), [SILICA], 1e-6)
 
 

@@ -174,8 +174,11 @@ def test_values_out_of_range_are_refused_by_name(values: dict, message: str) -> 
     [
         (Inclusion(rows=[4, 99], density=1.0), r"inclusion 1: rows = \[4, 99\]: must be \[first, last\], from 0 to 8"),
         (Inclusion(spheres=[(1, 6)], density=1.0), r"inclusion 1: sphere \[1, 6\]"),
-        (Inclusion(rows=[1, 1]), r"inclusion 1: give either vacancy or what differs"),
-        (Inclusion(rows=[1, 1], density=1.0, vacancy=True), r"inclusion 1: give either vacancy or what differs"),
+        (Inclusion(rows=[1, 1]), r"inclusion 1: give either vacancy or the values that differ"),
+        (
+            Inclusion(rows=[1, 1], density=1.0, vacancy=True),
+            r"inclusion 1: give either vacancy or the values that differ",
+        ),
         (Inclusion(density=1.0), r"inclusion 1: give one of rows, spheres, disc, half_plane and share, or layers"),
         (
             Inclusion(layers=[0, 1], density=1.0),
@@ -204,7 +207,7 @@ def test_inclusions_that_make_no_crystal_are_refused_by_name(inclusion: Inclusio
 
 def test_two_spheres_in_one_place_are_refused() -> None:
     doubled = WALLED + WALLED[20:21]
-    with pytest.raises(CrystalError, match="spheres 20 and 54: are in one place"):
+    with pytest.raises(CrystalError, match="spheres 20 and 54: have the same place"):
         imperfect(doubled, SILICA)
 
 
@@ -231,5 +234,5 @@ def test_an_inclusion_is_confined_to_its_layers(inclusion: Inclusion, count: int
 
 
 def test_a_place_of_several_layers_is_refused() -> None:
-    with pytest.raises(CrystalError, match=r"layers = \[\]: must be one, \[layer, layer\]"):
+    with pytest.raises(CrystalError, match=r"layers = \[\]: must be a single layer, \[layer, layer\]"):
         imperfect(FILM, SILICA, inclusions=[Inclusion(spheres=[(1, 1)], density=1e4)])

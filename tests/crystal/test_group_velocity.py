@@ -127,7 +127,9 @@ def test_a_front_of_a_source_that_is_not_recorded_is_refused(tmp_path: Path) -> 
     packing = {"lattice": "hexagonal", "rows": 13, "columns": 7}
     tables = {"packing": packing, "time": {"duration": 2.0}, "source": [source], "output": {"spheres": [[3, 3]]}}
     run(Scene.from_dict({"sphere": RING.to_dict()["sphere"], **tables}), tmp_path / "run")
-    with pytest.raises(ViewError, match=r"the source on sphere \[6, 3\] of .* is not among the recorded spheres"):
+    with pytest.raises(
+        ViewError, match=r"the source on sphere \[6, 3\] of .* is not recorded; add the sphere to output"
+    ):
         view(tmp_path / "run", tmp_path / "picture.png", fronts=True)
 
 
@@ -137,12 +139,12 @@ def test_waves_without_fronts_are_refused(ring: Path, tmp_path: Path) -> None:
     for number, (changes, message) in enumerate(
         [
             (tone, 'must have signal = "burst"'),
-            ({"source.1.spheres": [[17, each] for each in range(9)]}, "spheres = 1 to 4 of them"),
+            ({"source.1.spheres": [[17, each] for each in range(9)]}, "list 1 to 4 spheres"),
             ({"inclusion": [{"spheres": [[3, 3]], "density": 3000.0}]}, "must be a perfect hexagonal sheet"),
         ]
     ):
         run(short.with_values(changes), tmp_path / str(number))
         with pytest.raises(ViewError, match=message):
             view(tmp_path / str(number), tmp_path / "picture.png", fronts=True)
-    with pytest.raises(ViewError, match="--fronts: is not for a crystal at rest"):
+    with pytest.raises(ViewError, match="--fronts: cannot be used for a crystal at rest"):
         view(ring, tmp_path / "picture.png", fronts=True, at_rest=True)

@@ -80,7 +80,7 @@ def test_an_unknown_mode_is_refused() -> None:
 def test_names_are_refused_to_another_lattice_than_that_of_the_sphere() -> None:
     pressed = replace(SILICA, contact_force=SILICA.pull_off_force)
     for lattice, sphere in ((LATTICE, pressed), (find_contacts(unit_cell(SILICA).repeat((1, 2, 1)), [SILICA]), SILICA)):
-        with pytest.raises(ValueError, match="not those of the sphere's hexagonal, square, chain, honeycomb lattice"):
+        with pytest.raises(ValueError, match="belong to no hexagonal, square, chain, honeycomb lattice of this sphere"):
             bloch_mode(lattice, sphere, WaveVector.of(1.0), "L")
 
 

@@ -349,5 +349,5 @@ def test_a_thick_film_takes_the_memory_of_its_contacts() -> None:
     # Inner layers touch twelve others: all spheres that turn in phase are the highest motion, as in fcc
     bulk = highest_frequency(unit_lattice(scene.sphere, LATTICES["fcc [110]"]), scene.sphere, physics)
     assert top == pytest.approx(bulk, rel=2e-3)
-    with pytest.raises(SceneError, match=r"wave\.mode = '65': must be at most 64 in a crystal of 300 spheres a cell"):
+    with pytest.raises(SceneError, match=r"wave\.mode = '65': must be at most 64 in a crystal of 300 spheres per cell"):
         bloch_mode(crystal, scene.sphere, scene.vector, "65", physics)

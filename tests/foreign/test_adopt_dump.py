@@ -377,7 +377,7 @@ def test_pictures_and_movies_of_an_unnamed_crystal(best: Unnamed, folder: Path, 
     assert min((tmp_path / name).stat().st_size for name in ("a.png", "b.gif")) > 1000
     with pytest.raises(ViewError, match="tau = 1: must be from 0 to 8e-05"):
         view(best.folder, tmp_path / "a.png", tau=1)
-    with pytest.raises(ViewError, match="--rows: is not for an unnamed crystal"):
+    with pytest.raises(ViewError, match="--rows: cannot be used for an unnamed crystal"):
         view(best.folder, tmp_path / "a.png", rows=3)
     with pytest.raises(ViewError, match="must be one of speed"):
         view(best.folder, tmp_path / "a.png", colour="p")

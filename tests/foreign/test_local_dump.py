@@ -125,7 +125,7 @@ def test_dumps_of_other_columns_or_the_same_steps_are_refused(plate: Path, tmp_p
 def test_contacts_of_which_the_spheres_alone_are_known_are_not_drawn(plate: Path, tmp_path: Path) -> None:
     contacts = {plate / "dump.local": [*WORDS[:2], *"-" * 9]}
     adopt_dump([plate / "dump.plate"], tmp_path / "run", KNOWN, contacts=contacts)
-    with pytest.raises(ViewError, match="have no overlap and no size of a force"):
+    with pytest.raises(ViewError, match="have no overlap or magnitude of a force"):
         view(tmp_path / "run", tmp_path / "contacts.svg", monitor="contacts")
 
 
@@ -182,7 +182,7 @@ def test_without_such_a_dump_the_contacts_are_overlaps(plate: Path, tmp_path: Pa
     assert list(found.contact_columns) == ["t_s", "id_i", "id_j", "overlap_m"]
     view(tmp_path / "run", tmp_path / "overlaps.svg", monitor="contacts")
     export(found, tmp_path / "overlaps.csv", "contacts")
-    with pytest.raises(ViewError, match="has 'contacts' alone"):
+    with pytest.raises(ViewError, match="has only 'contacts'"):
         view(tmp_path / "run", tmp_path / "overlaps.svg", monitor="forces")
 
 

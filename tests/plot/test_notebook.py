@@ -104,7 +104,7 @@ def test_a_prompt_completes_the_names_of_the_package_before_one_was_used() -> No
 
 
 def test_what_has_no_picture_is_refused() -> None:
-    with pytest.raises(TypeError, match="int: a notebook has no picture of it"):
+    with pytest.raises(TypeError, match="int: there is no notebook card for this type"):
         granular_lmp.html(3)
 
 

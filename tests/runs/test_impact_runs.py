@@ -109,18 +109,18 @@ def test_an_edited_deck_is_run_and_named(tmp_path: Path) -> None:
             "monitor 'line': no such monitor",
         ),
         (["export", "<chain>", "-o", "/proc/y.csv"], "/proc/y.csv: cannot be written"),
-        (["view", "<chain>", "-o", "x.gif"], "a chain is drawn at all times, in a picture; not in a movie"),
+        (["view", "<chain>", "-o", "x.gif"], "a chain is drawn over time in a picture, not as a movie"),
         (
             ["view", "<chain>", "-o", "x.png", "--tau", "3"],
-            "--tau: is not for the picture of a chain, which shows all times",
+            "--tau: cannot be used for the picture of a chain, which shows all times",
         ),
         (["view", "<sheet>", "-o", "x.png", "--tau", "99"], "tau = 99.0: must be from 0 to 6"),
         (
             ["view", "<sheet>", "-o", "x.png", "--colour", "p"],
-            "colour = 'p': is of a wave, and this run has none; take",
+            "colour = 'p': needs a wave, and this run has none; take",
         ),
-        (["view", "<sheet>", "-o", "x.gif", "--tau", "3"], "--tau: is not for a movie of a run"),
-        (["view", "solitary_chain", "-o", "x.png", "--at-rest"], "its spheres and contacts are all equal"),
+        (["view", "<sheet>", "-o", "x.gif", "--tau", "3"], "--tau: cannot be used for a movie of a run"),
+        (["view", "solitary_chain", "-o", "x.png", "--at-rest"], "all spheres and contacts are equal"),
     ],
 )
 def test_what_a_command_cannot_do_with_an_impact_is_said(

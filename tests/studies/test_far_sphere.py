@@ -172,7 +172,7 @@ def test_the_command_sweeps_and_view_draws(
 
 def test_a_picture_and_a_card_have_the_columns_of_impacts(swept: Sweep) -> None:
     (axes,) = sweep_figure(swept).axes
-    assert axes.get_ylabel() == "largest speed of the far sphere (of the striker's)"
+    assert axes.get_ylabel() == "largest speed of the far sphere / speed of the striker"
     assert axes.get_xlabel().startswith("velocity of striker 1 (m/s")
     assert "far_tau" in html(swept)
 

@@ -42,7 +42,7 @@ def test_a_shear_wave_in_the_plane_needs_no_polarisation() -> None:
     assert even.frequency == pytest.approx(odd.frequency, rel=1e-12)
     assert np.abs(even.shape[0, [2, 3, 4]]).max() < 1e-12
     assert np.abs(odd.shape[0, [0, 1, 5]]).max() < 1e-12
-    with pytest.raises(ValueError, match="its polarisation"):
+    with pytest.raises(ValueError, match="give `along`, the polarisation"):
         wave(solid, [0.0, 0.0, 0.9 / APART], 0)
 
 

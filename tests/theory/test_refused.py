@@ -88,7 +88,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: contact(overlap_ratio=0.2), r"overlap_ratio = 0\.2 is outside \[0, 0\.1\]"),
         (lambda: contact(prestress=-1.0), r"prestress = -1\.0 is outside \[0, 1\]"),
         (lambda: contact(viscosity=-0.1), "viscosity = -0.1 must be finite and not negative"),
-        (lambda: contact(law="mindlin"), "law = 'mindlin' is none of"),
+        (lambda: contact(law="mindlin"), "law = 'mindlin': must be one of secant, incremental, potential"),
         (lambda: contact(restitution=1.1, prestress=1.0), r"restitution = 1\.1 is outside"),
         (lambda: contact(restitution=0.9), r"restitution = 0\.9 needs prestress = 1"),
         (lambda: contact(restitution=0.9, prestress=1.0, viscosity=0.1), "a contact has one dashpot"),
@@ -147,7 +147,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         ),
     ],
     "crystal": [
-        (lambda: Crystal.of(np.eye(2) * 3 * R, np.zeros((1, 2)), R, DENSITY, [SILICA]), "no two spheres touch"),
+        (lambda: Crystal.of(np.eye(2) * 3 * R, np.zeros((1, 2)), R, DENSITY, [SILICA]), "no spheres touch each other"),
         (lambda: triangular(walls=[FLOOR._replace(point=(0, 0, 3 * SUNK - R))]), "not at rest"),
         (lambda: wave(hexagonal(PAPER), [0, 1], 3), "allowed: 0, 1, 2"),
         (lambda: BUCKLING.modes([0, 1]), "unstable"),

@@ -243,7 +243,7 @@ def test_the_map_of_a_square_crystal_has_its_symmetry(tmp_path: Path, capsys: py
 def test_a_branch_by_number_is_refused_where_branches_have_names(tmp_path: Path) -> None:
     scene = tmp_path / "uniform.toml"
     scene.write_text(Scene.load("tr_periodic").with_values({"wave.mode": "2"}).to_toml())
-    with pytest.raises(SystemExit, match=r"mode = '2' is none of this crystal; allowed: L, TR, RT"):
+    with pytest.raises(SystemExit, match=r"mode = '2' is not a branch of this crystal; allowed: L, TR, RT"):
         script.main([str(scene)])
 
 

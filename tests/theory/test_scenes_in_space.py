@@ -83,7 +83,7 @@ def test_branches_have_the_names_of_their_symmetry_and_numbers() -> None:
     assert set(names_of(solid.crystal(), solid.wavevector())) >= {"L", "TR", "RT", "S1", "H3", "6"}
     beside = np.array([0.3, 0.5]) * layer.unit
     assert list(names_of(layer.crystal(), beside)) == list("123456")
-    with pytest.raises(ValueError, match="mode = 'S4' is none of this crystal; allowed: S1, S2, S3, H1"):
+    with pytest.raises(ValueError, match="mode = 'S4' is not a branch of this crystal; allowed: S1, S2, S3, H1"):
         named_branch(layer.crystal(), layer.wavevector(), "S4")
 
 

@@ -88,7 +88,7 @@ def test_its_contacts_at_rest_and_its_monitor_are_drawn_in_its_units(shaken: Rec
     contacts = shaken.problem.rest.contacts
     assert len(axes.collections[1].get_paths()) == len(contacts) - 40  # each sphere touches the substrate
     mean = (2 * (len(contacts) - 40) + 40) / 40
-    assert axes.get_title().endswith(f"40 spheres, {mean:.3f} contacts a sphere")
+    assert axes.get_title().endswith(f"40 spheres, {mean:.3f} contacts per sphere")
     assert monitor_figure(shaken.monitor("corner")).axes[0].get_ylabel().endswith(r"($\Delta_0$)")
 
 
@@ -107,7 +107,7 @@ def test_its_page_holds_every_motion_and_is_what_a_notebook_shows_of_snapshots(s
     assert [(each["kind"], each["spheres"]) for each in data["marks"]] == [("source", [0]), ("monitor", [39])]
     shown = shaken.snapshots()._repr_html_()
     assert unescape(shown.partition('srcdoc="')[2].partition('"></iframe>')[0]) == text
-    with pytest.raises(ViewError, match="--tau: is not for a page, on which it is chosen"):
+    with pytest.raises(ViewError, match="--tau: cannot be used for a page, in which the reader chooses it"):
         view(shaken.folder, path, tau=1.0)
 
 

@@ -1,12 +1,12 @@
-"""Crystal of the paper at a wave vector: its bonds, directions and modes, in the gauge W = (u, v, f), φ = i f.
+"""Crystal of the paper at a wave vector: bonds, directions and modes, in the gauge W = (u, v, f) with φ = i f.
 
-`hexagonal` makes this crystal for the theory of any crystal. Inversion together with time reversal maps a wave exp
-i(k·r − Ωτ) on itself, so a mode has real (u, v) and an imaginary φ = i f: W is real. Units: displacements and φ in Δ0,
-time in t0, wave vectors in 1/lattice constant, x along a close-packed row. If spheres do not turn there are two modes
-instead of three.
+`hexagonal` makes this crystal for the theory of general crystals. Inversion combined with time reversal maps a wave
+exp i(k·r − Ωτ) to itself, so a mode has real (u, v) and an imaginary φ = i f: W is real. Displacements and φ are in Δ0,
+time in t0, wave vectors in 1/lattice constant; x runs along a close-packed row. There are three modes, or two if
+spheres do not turn.
 
-Along y and x, where a mirror plane contains k, L, TR and RT are exact names. Elsewhere each mode moves in u, v and φ,
-and the names are labels that jump where two branches exchange character.
+Along x and y, where a mirror plane contains k, the names L, TR and RT are exact. Elsewhere each mode moves in u, v and
+φ, and the names are labels that jump where two branches exchange character.
 
 When it breaks: where two branches touch, the eigenvectors of the pair are arbitrary.
 """
@@ -38,9 +38,9 @@ GAUGE: NDArray[np.complex128] = np.array([1.0, 1.0, 1j])  # (u, v, φ) = GAUGE �
 
 @lru_cache(maxsize=16)
 def hexagonal(contact: Contact) -> Crystal:
-    """Return the paper's crystal with a contact, along x a row: lengths in Δ0, forces in k1Δ0, time in t0.
+    """Return the paper's crystal with a given contact and a close-packed row along x.
 
-    Wave vectors are in 1/lattice constant. Dashpots are left out.
+    Lengths are in Δ0, forces in k1Δ0, time in t0, and wave vectors in 1/lattice constant. Dashpots are left out.
     """
     normal = padded(BONDS)
     ratio = contact.overlap_ratio
@@ -65,11 +65,16 @@ def in_plane(field: Field) -> Field:
 def pair_of(
     first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike], sign: int, contact: Contact
 ) -> Mixed:
-    """Return two waves, each a wave vector (..., 2) and a branch (...), and what they make in the paper's crystal.
+    """Return two waves in the paper's crystal together with the field that they generate at second order.
 
-    sign is 1 for their sum, −1 for the difference. Amplitudes are in Δ0 per product of those of the two.
+    Parameters
+    ----------
+    first, second : wave vector (..., 2) in 1/lattice constant and branch (...) of each wave
+    sign : 1 for the sum of the two waves, −1 for the difference
+    contact : without dashpots
 
-    Raises ValueError for another sign, an unknown branch, and dashpots.
+    Raises ValueError for another sign, an unknown branch, and dashpots. Amplitudes of the field are in Δ0 per product
+    of the two amplitudes.
     """
     if sign not in (1, -1):
         raise TheoryError(f"sign is {sign!r}; allowed: 1 (sum), -1 (difference)")
@@ -79,24 +84,24 @@ def pair_of(
 
 
 def real_modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Floats]:
-    """Return frequencies (..., J) and shapes W (..., J, 3), |W| = 1; the larger of p and q is positive.
+    """Return frequencies (..., J), ascending, and shapes W (..., J, 3), |W| = 1; the larger of p and q is positive.
 
-    J is 3, or 2 where spheres do not turn, in ascending frequency. A mode that only rotates has f < 0.
+    J is 3, or 2 if spheres do not turn. A mode that only rotates has f < 0.
     """
     modes = hexagonal(contact).modes(wavevector)
     return modes.frequencies, np.real(in_plane(modes.shapes) / GAUGE)
 
 
 def branch_index(name: str, wavevector: ArrayLike, contact: Contact) -> NDArray[np.intp]:
-    """Return which branch is L, TR or RT (...): L has the largest component along k; of the others TR is the lower.
+    """Return the index (...) of branch L, TR or RT: L moves most along k; TR is the lower of the others, RT the upper.
 
-    Raises ValueError for another name, and for RT of spheres that do not turn.
+    Raises ValueError for another name, and for RT if spheres do not turn.
     """
     return branch_among(name, real_modes(wavevector, contact)[1], wavevector)
 
 
 def branch_among(name: str, shapes: NDArray[Any], wavevector: ArrayLike) -> NDArray[np.intp]:
-    """Return which of the modes (..., J, 3), in the plane, is L, TR or RT (...); see `branch_index`."""
+    """Return the index (...) of L, TR or RT among in-plane modes (..., J, 3); see `branch_index`."""
     names = ("L", "TR", "RT")[: shapes.shape[-2]]
     if name not in names:
         raise TheoryError(f"name is {name!r}; allowed: {', '.join(names)}")
@@ -109,22 +114,22 @@ def branch_among(name: str, shapes: NDArray[Any], wavevector: ArrayLike) -> NDAr
 def mode(name: ModeName, wavenumber: float, direction: float, contact: Contact) -> Mode:
     """Return one mode in the paper's variables, p = P cos ϑ, q = Q cos ϑ, φ = −f sin ϑ, with ϑ = k·r − Ωτ + phase.
 
-    Along y this is `second_harmonic.mode`, to rounding and but for the sign where a mode only rotates.
+    Along y this equals `second_harmonic.mode` to rounding, except for the sign of a mode that only rotates.
 
     Parameters
     ----------
-    name : "L", "TR" or "RT", as by `branch_index`
+    name : "L", "TR" or "RT", in the sense of `branch_index`
     wavenumber : ξ = (√3/2)|k| > 0, rad per row for a wave along y
-    direction : of k, in degrees from x (a close-packed row) towards y; 90 is the paper's
-    contact : any; the modes of all shear laws are the same
+    direction : direction of k, in degrees from x (a close-packed row) towards y; 90 is the paper's
+    contact : any contact; all shear laws have the same modes
 
-    Raises ValueError for a value out of range, and for RT of spheres that do not turn.
+    Raises ValueError for a value out of range, and for RT if spheres do not turn.
     """
     k = wavevector_of(wavenumber, direction)
     frequencies, shapes = real_modes(k, contact)
     branch = int(branch_among(name, shapes, k))
     parts = np.append(frame(direction) @ shapes[branch, :2], shapes[branch, 2])
-    p, q, f = np.where(np.abs(parts) < _ROUNDING, 0.0, parts)  # what a mirror forbids is 0
+    p, q, f = np.where(np.abs(parts) < _ROUNDING, 0.0, parts)  # components that a mirror forbids are exactly 0
     return Mode(name, *map(float, (wavenumber, frequencies[branch], p, q, f, direction)))
 
 

@@ -1,10 +1,11 @@
-"""The catalogue of theories: what each holds, by name. What a theory does not name here it does not hold.
+"""Catalogue of theories: the traits of a run that each theory includes. A theory refuses every trait not listed here.
 
-A run has traits: the effects that are on, the form of its wave, its shear law, mode and ends, and every key of its
-scene that is not known here and is not at its default (`granular_analysis.theory.choice.traits_of`). A theory holds a
-run if it names all of them. A trait in no line of this file, an effect that somebody has added, is refused by all.
+The traits of a run are its active effects, the form, mode and shear law of its wave, its ends, and every key of its
+scene that is unknown here and differs from its default (`granular_analysis.theory.choice.traits_of`). A theory includes
+a run if it lists all of its traits. Every theory refuses a trait that this file does not list, such as a newly added
+effect.
 
-To extend a theory, add the trait to its line and a test that compares it with the exact lattice.
+To extend a theory, add the trait to its line, with a test that compares the theory with the exact lattice.
 """
 
 from collections.abc import Iterable
@@ -15,7 +16,7 @@ OBLIQUE = "another direction than y"
 ENVELOPE = "an envelope"
 COMPRESSED = "packing.contact_force"
 SLIDING = "effects.sliding"
-OPENING = "effects.contact_opening"  # a trait of runs whose contacts do part
+OPENING = "effects.contact_opening"  # a trait of runs whose contacts actually open
 NO_SHEAR, NO_ROTATION = "effects.shear = false", "effects.rotation = false"
 DAMPING = "effects.damping"
 NETWORK = "network"
@@ -24,19 +25,19 @@ JKR = "sphere.adhesion_law = 'jkr'"
 
 
 def said(key: str, value: str) -> str:
-    """Return the trait of a key of the scene that holds one of some words."""
+    """Return the trait of a scene whose key has this value, as "key = 'value'"."""
     return f"{key} = '{value}'"
 
 
 RUNNING, STANDING, DRIVEN, AT_REST = (said("wave.form", form) for form in ("running", "standing", "driven", "none"))
-# In the first snapshot of a run, as all that moves at the beginning
+# Initial motion, which the first snapshot of a run contains
 STRUCK = {"striker", "start.state", "start.noise", "start.seed"}
-# Beside the hexagonal lattice of the theories; in cells of several spheres the mode is the number of a branch
+# Planar lattices other than the hexagonal one; with several spheres per cell the mode is the number of a branch
 LATTICES = {said("packing.lattice", name) for name in ("square", "chain", "honeycomb")}
 _MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
 MOST_BRANCHES = 600  # a film of 100 layers
 BRANCHES = {said("wave.mode", str(number)) for number in range(1, MOST_BRANCHES + 1)}
-# In space: lattices, what is declared of the third dimension, and branches that a mirror parts
+# In space: lattices, keys of the third dimension and of the substrate, and branches that a mirror separates
 IN_SPACE = (
     {said("packing.lattice", name) for name in ("cubic", "fcc", "hcp")}
     | {f"packing.{name}" for name in ("space", "layers", "depth", "orientation")}
@@ -46,8 +47,8 @@ IN_SPACE = (
 )
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave
-HELD = {said("packing.ends", "fixed"), "effects.walls"}  # walls whose echo arrives after the run, or a note says so
-FACES = {f"packing.{name}" for name in ("first", "last", "sides")}  # A finite sheet has no wave of the infinite lattice
+HELD = {said("packing.ends", "fixed"), "effects.walls"}  # walls whose echo arrives after the run or causes a warning
+FACES = {f"packing.{name}" for name in ("first", "last", "sides")}  # a finite sheet has no wave of the infinite lattice
 
 _CONTACTS = frozenset(f"effects.{name}" for name in ("adhesion", "shear", "rotation", "tracking", "width"))
 _MODES = {said("wave.mode", mode) for mode in ("L", "TR", "RT")}
@@ -62,14 +63,14 @@ _IMPERFECT = {"packing.table", *(f"disorder.{name}" for name in ("radius", "dens
     )
 }
 
-# Dashpots are in neither of the two that describe slow amplitudes, and the incremental law is not in three-mode
+# Only hierarchy and exact-lattice include dashpots; three-mode excludes the incremental law
 HOLDS: dict[str, frozenset[str]] = {
     "second-order": _ALONG_Y | {INCREMENTAL, OBLIQUE, JKR},
     "frequency-shift": _ALONG_Y | {INCREMENTAL, OBLIQUE, JKR},
     "three-mode": _ALONG_Y | {JKR},
     "hierarchy": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
-    # A contact that opens loses its adhesive force, as in LAMMPS; in the lattices and formulas above it keeps it
+    # In the network, as in LAMMPS, an opening contact loses its adhesive force; the lattices and formulas above keep it
     NETWORK: _ALONG_Y
     | {JKR, STANDING, AT_REST, DRIVEN, ENVELOPE, INCREMENTAL, OBLIQUE, DAMPING, SLIDING, OPENING, *LATTICES, *BRANCHES}
     | STRUCK
@@ -79,7 +80,7 @@ HOLDS: dict[str, frozenset[str]] = {
     | IN_SPACE
     | _IMPERFECT
     | {"pair"},
-    # Rows of other densities in a pattern that repeats; `granular_analysis.theory.scenes` refuses what is no pattern
+    # Rows of other densities in a repeating pattern; `granular_analysis.theory.scenes` refuses rows that do not repeat
     CRYSTAL: _ALONG_Y
     | {STANDING, INCREMENTAL, OBLIQUE, JKR, *LATTICES, *BRANCHES}
     | {f"inclusion.{name}" for name in ("rows", "every", "density")}
@@ -87,9 +88,9 @@ HOLDS: dict[str, frozenset[str]] = {
 }
 
 KNOWN = frozenset().union(*HOLDS.values())
-REFERENCES = tuple(HOLDS)  # what a record is compared with
+REFERENCES = tuple(HOLDS)  # theories with which a record can be compared
 
-# Keys of a scene whose values theories are given, or that change no motion. Any other is a trait by its mere presence.
+# Keys whose values are passed to the theories, or that change no motion. Any other key is a trait by its presence.
 KEYS = frozenset({"monitor"}).union(
     f"{section}.{key}"
     for section, keys in {
@@ -111,7 +112,7 @@ KEYS = frozenset({"monitor"}).union(
 
 
 def contact_traits(contact: Contact, *, along_y: bool) -> frozenset[str]:
-    """Return the traits of a contact, and of the direction of the wave."""
+    """Return the traits of a contact and of the direction of the wave."""
     present = {
         "effects.shear" if contact.shear else NO_SHEAR: True,
         "effects.rotation" if contact.rotation else NO_ROTATION: True,
@@ -125,5 +126,5 @@ def contact_traits(contact: Contact, *, along_y: bool) -> frozenset[str]:
 
 
 def missing(theory: str, traits: Iterable[str]) -> list[str]:
-    """Return the traits that a theory does not hold, in alphabetical order."""
+    """Return the traits that a theory does not include, in alphabetical order."""
     return sorted(set(traits) - HOLDS[theory])

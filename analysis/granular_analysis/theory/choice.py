@@ -1,22 +1,24 @@
-"""Choice of a theory for a wave: one table of what this folder can say about p(τ), q(τ), φ(τ), and a rule that picks.
+"""Choice of a theory of p(τ), q(τ), φ(τ) for a wave: the table of the theories, and the rule of `best`.
 
-Every theory is a function of a `Wave` and of times; they differ in what they leave out:
+Every theory is a function of a `Wave` and of times. The theories differ in their terms beyond the linear wave:
 
-| name | what it holds beyond the linear wave | fails |
+| name | beyond the linear wave | fails |
 |---|---|---|
-| second-order | the second harmonic: the paper's order | as the phase drifts, σa²τ; at resonance and antiresonance |
-| frequency-shift | and the drift of the fundamental | p is still the paper's |
-| three-mode | and all exchange of energy with 2ξ and 3ξ | p at the antiresonance |
-| hierarchy | all waves to order a⁶, every law | once any correction has grown large: long times |
-| exact-lattice | everything: the lattice itself, integrated, not a formula | when contacts open |
+| second-order | second harmonic, the paper's order | by phase drift, σa²τ; at resonance and antiresonance |
+| frequency-shift | also the drift of the fundamental | in p, as second-order |
+| three-mode | also all exchange of energy with 2ξ and 3ξ | in p at the antiresonance |
+| hierarchy | all waves to order a⁶, every law | at long times, once any correction is large |
+| exact-lattice | everything: the lattice itself is integrated | when contacts open |
 
-A scene may call for other physics than the paper's (`granular_analysis.theory.contact`). What each theory holds of it
-stands in `granular_analysis.theory.catalogue`, and nothing else is held. Three waves lack corrections of relative
-order η, the overlap ratio. What is no running plane wave in a perfect lattice whose contacts
-stick and stay closed is in none of them; `granular_analysis.measure.reference` then takes the network of the spheres.
+A scene may include physics beyond the paper's (`granular_analysis.theory.contact`).
+`granular_analysis.theory.catalogue` lists the parts of it that each theory includes; a theory refuses all others. The
+three waves of three-mode lack corrections of relative order η, the overlap ratio. All theories here require a running
+plane wave in a perfect lattice whose contacts stick and stay closed; for any other run,
+`granular_analysis.measure.reference` integrates the network of the spheres.
 
-`best` takes the hierarchy where its own last orders say that it has converged; else three-mode, which holds for long
-times near the resonance, or the exact lattice where three-mode leaves out what the scene has, and at the antiresonance.
+`best` takes the hierarchy if its last orders show that it has converged. Otherwise it takes three-mode, which is valid
+for long times near the resonance. It takes the exact lattice if three-mode excludes a trait of the run, and at the
+antiresonance.
 """
 
 from collections.abc import Callable
@@ -44,23 +46,24 @@ Floats = NDArray[np.float64]
 Trajectory = tuple[Floats, Floats, Floats]
 
 
-# `contact_of` or `others_of` say more of these effects than that they are on
+# Effects whose values `contact_of` or `others_of` reads, beyond on and off
 _SAID = frozenset({"shear", "rotation", "damping", "sliding", "contact_opening"})
 
 
 def switched(record: Record) -> dict[str, bool]:
-    """Return which effects are on, by name.
+    """Return whether each effect is on, by name.
 
-    A record without ``run.json`` has the effects that its scene switches, and those that are "auto" at their usual.
+    Without ``run.json`` the result has only the effects that the scene switches on or off; callers apply the default
+    of an effect that is "auto".
     """
     on = {name: value for name, value in vars(record.scene.effects).items() if isinstance(value, bool)}
     return on | {name: effect["on"] for name, effect in record.info.get("effects", {}).items()}
 
 
 def contact_of(record: Record) -> Contact:
-    """Return the contact of a run: the one place that knows where scene and ``run.json`` say it.
+    """Return the contact of a run, from its scene and the effects in ``run.json``.
 
-    Raises ValueError for a contact that none of the theories here can be given.
+    Raises ValueError for a contact that no theory here describes.
     """
     sphere, declared, on = record.scene.sphere, record.scene.effects, switched(record)
     damped = on.get("damping", True)
@@ -80,7 +83,7 @@ def direction_of(record: Record) -> float:
 
 
 def others_of(record: Record) -> frozenset[str]:
-    """Return the traits of a run that neither its contact nor its direction has, keys that none knows among them."""
+    """Return the traits of a run beyond its contact and its direction, including keys that no theory knows."""
     scene, on = record.scene, switched(record)
     effects, guards = record.info.get("effects", {}), record.info.get("guards", {})
     parted = effects.get("contact_opening", {}).get("called_for", False)
@@ -113,9 +116,9 @@ def others_of(record: Record) -> frozenset[str]:
 
 
 def traits_of(record: Record) -> frozenset[str]:
-    """Return all that a theory of a run must hold, in the words of `granular_analysis.theory.catalogue`.
+    """Return all traits of a run, in the words of `granular_analysis.theory.catalogue`.
 
-    A law that is unknown is a trait too, and so is what else is wrong with a contact: no theory holds it.
+    An unknown shear law or an impossible contact is a trait too, which no theory includes.
     """
     law = record.scene.effects.shear_law
     if law not in LAWS:
@@ -128,9 +131,9 @@ def traits_of(record: Record) -> frozenset[str]:
 
 
 def wave_of(record: Record) -> Wave:
-    """Return the wave that a run started with, in LAMMPS's contact geometry.
+    """Return the wave with which a run started, in LAMMPS's contact geometry.
 
-    Raises TheoryError for a run with anything that no theory knows.
+    Raises TheoryError for a run with a trait that no theory knows.
     """
     unknown = traits_of(record) - catalogue.KNOWN
     if unknown:
@@ -138,7 +141,7 @@ def wave_of(record: Record) -> Wave:
     scene, contact = record.scene, contact_of(record)
     declared = scene.require_wave()
     name = declared.mode
-    # A branch of several spheres a cell, which no theory of a plane wave holds, is known by its number alone
+    # Outside the plane and in cells of several spheres the mode is only a label: no plane-wave theory includes it
     other = catalogue.said("wave.mode", name) in catalogue.BRANCHES | catalogue.IN_SPACE
     named = "L" if other else one_of(MODES, name, "wave.mode")
     linear = replace(mode(named, scene.wavenumber, direction_of(record), contact), name=name)
@@ -146,12 +149,12 @@ def wave_of(record: Record) -> Wave:
 
 
 def traits(wave: Wave) -> frozenset[str]:
-    """Return all that a theory of a wave must hold: its contact, its direction, and what else its run has."""
+    """Return all traits of a wave: of its contact, its direction, and its run."""
     return wave.others | catalogue.contact_traits(wave.contact, along_y=wave.mode.along_y)
 
 
 def second_order(wave: Wave, tau: Floats) -> Trajectory:
-    """Return p, q, φ of the paper's order, by its closed form where that holds the wave, else by the crystal's."""
+    """Return p, q, φ to second order: by the paper's closed form if it includes the wave, otherwise by the crystal."""
     if wave.contact.departures or not wave.mode.along_y:
         return of_the_crystal(wave, tau)
     return closed.second_order(wave.mode, wave.contact.closed, wave.amplitude, tau, phase=wave.phase)
@@ -167,17 +170,17 @@ THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
 
 
 def holding(wave: Wave) -> list[str]:
-    """Return the names of the theories that hold all that a wave has."""
+    """Return the names of the theories that include all traits of a wave."""
     return [name for name in THEORIES if not catalogue.missing(name, traits(wave))]
 
 
 def beyond(wave: Wave) -> list[str]:
-    """Return what keeps a wave from the theory of plane waves that lacks least of it; nothing if one holds it all."""
+    """Return the missing traits of the plane-wave theory that lacks the fewest; empty if one includes all."""
     return min((catalogue.missing(name, traits(wave)) for name in THEORIES), key=len)
 
 
 def refuse_less(name: str, traits: frozenset[str]) -> None:
-    """Raise a TheoryError if the reference of a name leaves out any of the traits; it lists those that do not."""
+    """Raise TheoryError if the named reference leaves out any of the traits; the message lists references with all."""
     if missing := catalogue.missing(name, traits):
         allowed = [each for each in catalogue.REFERENCES if not catalogue.missing(each, traits)]
         raise TheoryError(
@@ -186,46 +189,49 @@ def refuse_less(name: str, traits: frozenset[str]) -> None:
 
 
 def trajectory(name: str, wave: Wave, tau: Floats) -> Trajectory:
-    """Return p, q, φ of one of `THEORIES`; TheoryError if it leaves out what the wave has."""
+    """Return p, q, φ of one of `THEORIES`; TheoryError if the theory leaves out a trait of the wave."""
     refuse_less(name, traits(wave))
     return _computed(name, wave, tuple(np.asarray(tau, dtype=float).tolist()))
 
 
-@lru_cache(maxsize=8)  # a table and its figure ask for the same two or three of each run
+@lru_cache(maxsize=8)  # a table and its figure ask for the same two or three theories of each run
 def _computed(name: str, wave: Wave, times: tuple[float, ...]) -> Trajectory:
     p, q, phi = (np.asarray(values) for values in THEORIES[name](wave, np.array(times)))
     for values in (p, q, phi):
-        values.flags.writeable = False  # they are handed out again
+        values.flags.writeable = False  # the cache returns the same arrays again
     return p, q, phi
 
 
-SILENT = 1e-9  # D0 per D0: rounding of what a symmetry makes zero stays below, p of a shear wave above from a = 1e-7 on
-# The two last orders of the hierarchy may have this share of any component: the error is then smaller still
+# Share of the largest component below which a component is rounding of a zero by symmetry. From a = 1e-7 on, p of a
+# shear wave lies above it.
+SILENT = 1e-9
+# Largest share of any component that the two last orders of the hierarchy may have; the error is smaller still
 CONVERGED = 0.02
-LONGEST = 400.0  # τ; orders grow with time, and the hierarchy is not tried beyond
-PERIODS = 4  # in which free and forced waves beat, and phases have hardly drifted
+LONGEST = 400.0  # τ up to which `best` tries the hierarchy, whose orders grow with time
+PERIODS = 4  # periods in which free and forced waves beat while phases have hardly drifted
 
 
 def best(wave: Wave, tau: Floats) -> str:
-    """Name of the theory that holds best for the wave at the times, by the module's rule.
+    """Return the name of the best theory for the wave at the times, by the module's rule.
 
-    Raises TheoryError if none holds its physics.
+    Raises TheoryError if no theory includes all traits of the wave.
     """
     allowed = holding(wave)
     if not allowed:
         raise TheoryError(f"no theory of a plane wave holds {', '.join(beyond(wave))}")
     cancels = drive_cancels(wave)
     share = last_orders(wave, tau) if tau[-1] <= LONGEST else np.inf
-    # Where p begins with the fourth order, what follows the last orders is as much less than they as they are than it
+    # Where p begins at fourth order, the next orders are smaller than the last by this share again: the error is its
+    # square
     if share ** (2 if cancels else 1) < CONVERGED:
         return "hierarchy"
     return "three-mode" if "three-mode" in allowed and not cancels else "exact-lattice"
 
 
 def last_orders(wave: Wave, tau: Floats) -> float:
-    """Return the share of the two last orders of the hierarchy in p, q or φ, whichever is worst, over all rows.
+    """Return the share of the two last orders of the hierarchy in p, q or φ over all rows: the largest of the three.
 
-    A component that is silent beside the largest, zero by symmetry, is left out: it is rounding, as are its orders.
+    A component below `SILENT` of the largest is left out: it is zero by symmetry and consists of rounding.
     """
     few = np.linspace(tau[0], tau[-1], 61)
     orders = hierarchy_orders(wave.mode, wave.contact, few, rtol=1e-6)
@@ -236,19 +242,20 @@ def last_orders(wave: Wave, tau: Floats) -> float:
 
 
 def drive_cancels(wave: Wave) -> bool:
-    """Return True if p of a wave along y is less of second order than of fourth, as at the antiresonance.
+    """Return True if the fourth order of p exceeds the second for a wave along y, as at the antiresonance.
 
-    Translation and rotation drive the second harmonic with opposite signs there. In other directions it has three
-    components, which do not vanish together.
+    There translation and rotation drive the second harmonic with opposite signs. In other directions the second
+    harmonic has three components, which do not vanish together.
     """
     return wave.mode.along_y and wave.amplitude > second_order_until(wave.mode, wave.contact)
 
 
 @lru_cache(maxsize=64)
 def second_order_until(mode: Mode, contact: Contact) -> float:
-    """Return the amplitude D0/Δ0 at which p is as much of fourth order as of second, over the first periods.
+    """Return the amplitude D0/Δ0 at which the second and fourth orders of p are equal over the first periods.
 
-    Later the fourth order grows by the drift of phases, which leaves the second harmonic as large as it is.
+    At later times the drift of phases increases the fourth order, but it does not change the size of the second
+    harmonic.
     """
     early = np.linspace(0, PERIODS * 2 * np.pi / mode.frequency, 61)
     orders = hierarchy_orders(mode, contact, early, order=4, rtol=1e-6)

@@ -35,12 +35,13 @@ class Contact:
     prestress : F0/(F0 + F) in [0, 1] with the pull-off force F, the adhesive force in the DMT law: 0 if adhesion holds
         the lattice, 1 if compression does.
     shear : whether contacts resist shear.
-    rotation : whether the spheres turn, which they do only if contacts resist shear.
+    rotation : whether the spheres turn; without shear they never turn.
     viscosity : c ≥ 0 of a dashpot in every closed contact, in m/t0 (LAMMPS damping velocity).
-    restitution : coefficient in (0, 1] that sets the dashpot instead (LAMMPS damping coeff_restitution); None: none.
-    inertia : Ĩ = I/(mR²) > 0 of the sphere, without the factor of η.
-    stiffness_ratio : κ > 0 of measured stiffnesses, not for JKR contacts; None: from ν.
-    adhesion_law : "dmt", or "jkr", whose contacts adhere beyond an overlap of 0 (`granular_analysis.theory.adhesion`).
+    restitution : coefficient in (0, 1] that replaces viscosity (LAMMPS damping coeff_restitution); None: not used.
+    inertia : Ĩ = I/(mR²) > 0 of the sphere, without the factor 1/(1−η).
+    stiffness_ratio : κ > 0 of measured stiffnesses, without the factor of JKR (`AtRest.excess`); None: from ν.
+    adhesion_law : "dmt", or "jkr", whose contacts adhere down to a negative overlap
+        (`granular_analysis.theory.adhesion`).
 
     Raises
     ------
@@ -63,16 +64,16 @@ class Contact:
 
     def __post_init__(self) -> None:
         if self.adhesion_law not in get_args(Adhesion):
-            raise TheoryError(f"adhesion_law = {self.adhesion_law!r} is none of {get_args(Adhesion)}")
+            raise TheoryError(f"adhesion_law = {self.adhesion_law!r}: must be one of {', '.join(get_args(Adhesion))}")
         if self.adhesion_law == "jkr" and not 0.0 <= self.prestress < 1.0:
-            raise TheoryError(f"adhesion_law = 'jkr' needs prestress in [0, 1), not {self.prestress}: it adheres")
+            raise TheoryError(f"adhesion_law = 'jkr' needs prestress in [0, 1), not {self.prestress}: JKR has adhesion")
         if self.adhesion_law == "jkr" and self.law == "potential":
-            raise TheoryError("law = 'potential' needs adhesion_law = 'dmt', not 'jkr': it is derived for that")
+            raise TheoryError("law = 'potential' needs adhesion_law = 'dmt', not 'jkr': it is derived from DMT")
         if not 0.0 <= self.prestress <= 1.0:
             raise TheoryError(f"prestress = {self.prestress} is outside [0, 1]")
         _ = self._ratios  # checks ranges
         if self.law not in LAWS:
-            raise TheoryError(f"law = {self.law!r} is none of {LAWS}")
+            raise TheoryError(f"law = {self.law!r}: must be one of {', '.join(LAWS)}")
         if self.law == "potential" and self.overlap_ratio > 0:
             raise TheoryError(f"law = 'potential' needs overlap_ratio = 0, not {self.overlap_ratio}; slip has history")
         if not 0.0 <= self.viscosity < np.inf:
@@ -83,7 +84,7 @@ class Contact:
         if self.viscosity:
             raise TheoryError(f"{said} and viscosity = {self.viscosity}: a contact has one dashpot")
         if self.prestress != 1:
-            raise TheoryError(f"{said} needs prestress = 1, not {self.prestress}: it knows no adhesion")
+            raise TheoryError(f"{said} needs prestress = 1, not {self.prestress}: its law has no adhesion")
         restitution_viscosity(self.restitution, self.kappa)  # checks its range
 
     @classmethod
@@ -92,9 +93,9 @@ class Contact:
 
         Parameters
         ----------
-        sphere : with ν, overlap ratio, forces, adhesion and factors of measured stiffnesses, as
-            `granular_lmp.crystal.sphere.Sphere` has them
-        others : attributes that a sphere does not have
+        sphere : `granular_lmp.crystal.sphere.Sphere`, or an object with the same ν, overlap ratio, forces, adhesion law
+            and factors of measured stiffnesses
+        others : further attributes of the contact, such as `law` or `shear`
         """
         number, (normal, shear) = sphere.poisson_ratio, sphere.factors
         return cls(
@@ -108,24 +109,24 @@ class Contact:
 
     @cached_property
     def kappa(self) -> float:
-        """κ = g1/k1 of the spheres, which sets the units, also for a contact without shear forces."""
+        """κ = g1/k1 of the spheres, which sets the units even if the contact has no shear force."""
         return self._ratios.kappa * self.adhesion.excess
 
     @property
     def _ratios(self) -> Ratios:
-        """Constants of the closed form without the departures of the contact."""
+        """Constants of the closed form, ignoring the `departures` of the contact from the paper's."""
         if self.stiffness_ratio is None:
             return ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)
         return of_stiffness(self.stiffness_ratio, self.inertia, self.overlap_ratio)
 
     @cached_property
     def adhesion(self) -> AtRest:
-        """Normal force and contact radius by overlap."""
+        """Normal force and contact radius as functions of the overlap."""
         return AtRest(self.adhesion_law, self.prestress)
 
     @cached_property
     def shear_stiffness(self) -> float:
-        """κ of the contacts at rest; 0 without shear."""
+        """Shear stiffness of a contact at rest in k1: κ, or 0 without shear."""
         return self.kappa if self.shear else 0.0
 
     @property
@@ -135,7 +136,7 @@ class Contact:
 
     @property
     def masses(self) -> NDArray[np.float64]:
-        """M of a sphere, (1, 1, Ĩ/(1−η)), for (u, v, φ) with the torques of arms R."""
+        """Masses (1, 1, Ĩ/(1−η)) of a sphere for (u, v, φ), which take torques with the arm R."""
         return np.array([1.0, 1.0, self.inertia / (1.0 - self.overlap_ratio)])
 
     @property
@@ -145,12 +146,12 @@ class Contact:
 
     @cached_property
     def mobility(self) -> NDArray[np.float64]:
-        """C, C, C/Ĩ with C = 1/(2(κ+3)), (3, 1): p'', q'', φ'' of unit forces; the last is 0 if spheres do not turn."""
+        """p'', q'', φ'' by unit forces, (3, 1): C, C, C/Ĩ with C = 1/(2(κ+3)); the last is 0 without rotation."""
         return np.array([[1.0], [1.0], [1 / self.inertia if self.rotation else 0.0]]) / (2 * (self.kappa + 3))
 
     @cached_property
     def incremental(self) -> bool:
-        """True if the state is the shear force, not the slip."""
+        """True if the state of the contact is the shear force; False if it is the slip."""
         return self.law == "incremental"
 
     @cached_property
@@ -166,11 +167,11 @@ class Contact:
     def refuse_dashpots(self) -> None:
         """Raise ValueError for a contact with a dashpot, in a theory whose waves do not decay."""
         if self.dashpot:
-            raise TheoryError(f"dashpot of the contact is {self.dashpot:g}; allowed: 0, waves here do not decay")
+            raise TheoryError(f"dashpot of the contact is {self.dashpot:g}; allowed: 0, as waves here do not decay")
 
     @property
     def departures(self) -> tuple[str, ...]:
-        """Return the names of what the closed form of the paper does not include; dashpots are not named."""
+        """Return the attributes that the paper's closed form excludes, as "name = value"; dashpots are not listed."""
         paper = {"law": "secant", "prestress": 0.0, "shear": True, "rotation": True, "adhesion_law": "dmt"}
         return tuple(
             f"{name} = {getattr(self, name)!r}" for name, value in paper.items() if getattr(self, name) != value
@@ -180,14 +181,14 @@ class Contact:
     def closed(self) -> Ratios:
         """Constants of `granular_analysis.second_harmonic`; ValueError for a contact that it does not include."""
         if self.departures:
-            raise TheoryError(f"the closed form does not hold {', '.join(self.departures)}")
+            raise TheoryError(f"the closed form does not include {', '.join(self.departures)}")
         return self._ratios
 
 
 def ratios_of(scene: Any) -> Ratios:
     """Return the constants of the closed form for the crystal of a scene, in the geometry of LAMMPS.
 
-    Raises TheoryError for what the closed form does not include: another lattice, compression (prestress), another law
+    Raises TheoryError for a scene that the closed form excludes: another lattice, compression (prestress), another law
     of shear or adhesion, spheres that do not turn, and contacts without shear.
 
     Examples
@@ -198,7 +199,7 @@ def ratios_of(scene: Any) -> Ratios:
     """
     if scene.packing.lattice != "hexagonal" or scene.space == 3:
         raise TheoryError(
-            f"the closed form does not hold packing.lattice = {scene.packing.lattice!r} in {scene.space}D"
+            f"the closed form does not include packing.lattice = {scene.packing.lattice!r} in {scene.space}D"
         )
     chosen = scene.effects
     switched = {"shear": chosen.shear is not False, "rotation": chosen.rotation is not False}
@@ -206,7 +207,7 @@ def ratios_of(scene: Any) -> Ratios:
 
 
 def restitution_viscosity(restitution: float, kappa: float) -> float:
-    """Return the viscosity in m/t0 of a Hertz contact at rest in which two spheres part with e times their speed.
+    """Return the viscosity c in m/t0 of a Hertz contact at rest from which spheres rebound with e times their speed.
 
         c = √5 ζ √(m k1/3) = √5 ζ/√(6(κ+3)) m/t0,   ζ = −ln e/√(π² + ln² e)
 

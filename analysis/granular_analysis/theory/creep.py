@@ -1,16 +1,16 @@
-"""Secular slip of one wave: shear springs that wind up, and the steady motion of the spheres that follows from it.
+"""Creep in one wave: slip that accumulates in the contacts, and the resulting steady motion of the spheres.
 
-Where the sideways motion δT of a contact is out of phase with its stretch δN, its slip gathers at the mean rate
+If the sideways motion δT of a contact is out of phase with its stretch δN, slip accumulates at the mean rate
 
     ds/dt = (ω/2ℓ) Im[δT δN* + n × δT (Φ·n)*],
 
-because the tangent turns by δT/ℓ while the contact is stretched, or twisted by Φ·n. Shapes of planar lattices with one
-sphere a cell are real, and nothing winds up. In a layer on a substrate u_z is 90° off the motion along the wave: the
-layer creeps, by rolling, in proportion to time and to a²Δ0/2R.
+because the tangent turns by δT/ℓ while the contact is stretched, or twisted by Φ·n. Modes of planar lattices with one
+sphere per cell are real, so no slip accumulates. In a layer on a substrate, u_z is 90° out of phase with the motion
+along the wave, so the layer creeps by rolling, in proportion to time and to a²Δ0/2R.
 
-The next order changes the creep by the share `departure`: the second harmonic, forced and free, has a creep of its own,
-and takes its energy from the wave. It is large near a resonance. Then both waves *beat*, and a mean over less than
-several beats is off by far more: by 1.3 of the creep over one beat where the departure is 0.11.
+The next order changes the creep by the share `departure`: the forced and free second harmonics creep themselves, and
+take their energy from the wave. The departure is large near a resonance. There the waves *beat*, and a mean over less
+than several beats is wrong by far more: by 1.3 times the creep over one beat where the departure is 0.11.
 
 When it breaks: as second order does; on a resonance, whose beat lasts forever.
 """
@@ -25,17 +25,17 @@ from granular_analysis.theory.crystal import Crystal
 from granular_analysis.theory.second_order import RIGID, Mixed, Wave
 
 Floats = NDArray[np.float64]
-_SMALL = 1e-9  # share of the second harmonic below which a free wave is none
+_SMALL = 1e-9  # free waves below this share of the forced second harmonic are rounding
 
 
 class Creep(NamedTuple):
-    """Creep of a wave with its amplitude.
+    """Creep in a wave of given amplitude.
 
     Attributes
     ----------
-    velocity : (B, 6) of u and Rθ.
-    departure : share of the velocity that the next order adds to it, to leading order.
-    beat : time in which the second harmonic beats with the slowest of the free waves that the start launches.
+    velocity : (B, 6) mean velocity of u and Rθ.
+    departure : relative change of the velocity by the next order, to leading order.
+    beat : period of the beat between the second harmonic and the free wave nearest to it in frequency.
     """
 
     velocity: Floats
@@ -44,7 +44,7 @@ class Creep(NamedTuple):
 
 
 def creep(crystal: Crystal, wave: Wave) -> Creep:
-    """Return how spheres creep in a single wave; 0 where nothing winds up."""
+    """Return the creep of the spheres in a single wave; its velocity is 0 where no slip accumulates."""
     velocity = creep_velocity(crystal, wave)
     if not np.any(velocity):
         return Creep(velocity, 0.0, np.inf)
@@ -61,7 +61,7 @@ def creep(crystal: Crystal, wave: Wave) -> Creep:
 
 
 def creep_velocity(crystal: Crystal, wave: Wave) -> Floats:
-    """Return the velocities (B, 6) at which spheres creep in a single wave, without what the next order adds."""
+    """Return the creep velocities (B, 6) of the spheres in a single wave, without the change by the next order."""
     return np.real(0.5 * Mixed(crystal, wave, wave.reversed).creep)
 
 
@@ -70,7 +70,7 @@ def _energy(crystal: Crystal, wave: Wave) -> float:
 
 
 def _doubled(crystal: Crystal, wave: Wave) -> Iterator[Wave]:
-    """Yield the forced second harmonic, and the free waves that the start launches."""
+    """Yield the forced second harmonic and the free waves that the start launches."""
     pair = Mixed(crystal, wave, wave)
     forced, targets = 0.5 * pair.forced(), pair.targets
     yield Wave(pair.wavevector, pair.frequency, forced)

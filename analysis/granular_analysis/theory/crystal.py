@@ -1,15 +1,15 @@
-"""Periodic crystal of spheres, in the plane or in space: its contacts, found from places and radii, and its modes.
+"""Periodic crystal of spheres in the plane or in space: its contacts from positions and radii, and its modes.
 
 A cell of B spheres repeats by one, two or three vectors (a chain, a plane, space); walls are planes at rest. Spheres
-have six freedoms (u, φ = Rθ); in the plane (u_x, u_y, φ_z) remain, by a constraint within the same theory. Spheres
-touch if their centres are closer than the sum of their radii. `granular_analysis.theory.bonds` has their laws.
+have six freedoms (u, φ = Rθ); in the plane the same theory is constrained to (u_x, u_y, φ_z). Spheres touch if their
+centres are closer than the sum of their radii. `granular_analysis.theory.bonds` has the laws of the contacts.
 
-**Modes** U e^{i(k·r − ωt)}, r the place of each sphere, with D U = ω²M U. Torques have the arm R − δ/2, which is
-absorbed in the moment of inertia: I/(1 − δ/2R). If the contacts of a sphere have different δ or R, the remaining matrix
-is not symmetric, and modes have duals: the effect of a force on mode j is dual_j·M⁻¹F.
+**Modes** have the form U e^{i(k·r − ωt)}, with the position r of each sphere, and satisfy D U = ω²M U. Torques have the
+arm R − δ/2, which is absorbed in the moment of inertia: I/(1 − δ/2R). If the contacts of a sphere differ in δ or R, the
+remaining matrix is not symmetric and each mode has a dual: a force F drives mode j by dual_j·M⁻¹F.
 
-Units are any consistent ones, with wave vectors in 1/place. `granular_analysis.theory.bloch.hexagonal` is the crystal
-of the paper in its units.
+Any consistent units are allowed; wave vectors are in 1/length. `granular_analysis.theory.bloch.hexagonal` is the
+crystal of the paper in the paper's units.
 """
 
 from collections.abc import Sequence
@@ -33,23 +33,23 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Array = TypeVar("Array", bound=NDArray[Any])
 PLANE, SPACE = (0, 1, 5), (0, 1, 2, 3, 4, 5)
-_EVEN = 1e-13  # difference of arms that is rounding
-_AT_REST = 1e-6  # net force on a sphere, in f′δ of its stiffest contact; rounding of places leaves 1e-9
-_ONE_SIGN = 1e-6  # components within this share of the largest are as large
+_EVEN = 1e-13  # a difference of arms below this is rounding
+_AT_REST = 1e-6  # largest net force on a sphere, in f′δ of the stiffest contact; rounding of positions leaves 1e-9
+_ONE_SIGN = 1e-6  # components within this share of the largest count as equally large
 _TOUCHES_TWICE = 1e-9
-_ASKEW = np.array([0.37, 0.23, 0.41])  # a wave vector that no symmetry of a lattice leaves alone
-_MIRRORED = 1e-9  # share of D by which a mirror may miss
-_ONE = 1e-9  # share by which equal squared frequencies may differ
-_STILL = 1e-9  # a motion that is no larger, of the largest, is none
-# Of (along, across, u_z, φ) those that may lead a mode that moves in the plane, up, or only turns
+_ASKEW = np.array([0.37, 0.23, 0.41])  # a wave vector that no symmetry of a lattice maps to itself
+_MIRRORED = 1e-9  # share of D by which a mirrored D may differ from D
+_ONE = 1e-9  # relative difference below which squared frequencies count as equal
+_STILL = 1e-9  # a motion below this share of the largest is rounding
+# Components (along, across, u_z, φ) that may lead a mode that moves in the plane, moves only up, or only turns
 _LEADING = np.array([[1, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 1, 1]])
 _SLOW = 1e-7  # frequencies below this share of the highest are those of a rigid motion, or unstable if squared < 0
 
 
 class Wall(NamedTuple):
-    """A plane at rest through a point, with the normal that points out of the crystal.
+    """Plane at rest through a point, with the normal that points out of the crystal.
 
-    A rigid one has a Young's modulus far above the spheres'.
+    For a rigid wall, choose a Young's modulus far above that of the spheres.
     """
 
     point: tuple[float, float, float]
@@ -60,9 +60,10 @@ class Wall(NamedTuple):
 class Modes(NamedTuple):
     """Modes at wave vectors (...): ω (..., J) ascending, U (..., J, B, 6), and duals (..., J, B, 6) of U.
 
-    Σ|U|² is B, so that amplitudes are the root mean square of (u, φ) over the spheres. The largest translation in the
-    plane is real and positive, as near along k as there is one; without one the largest u_z, and of a mode that only
-    turns the largest rotation, which is −i times a positive number.
+    Σ|U|² = B, so amplitudes are the root mean square of (u, φ) over the spheres. The leading component fixes the phase.
+    It is the largest in-plane translation, real and positive; for equally large components, the first sphere and the
+    direction along k come first. Without in-plane motion the largest u_z leads, real and positive. In a mode that only
+    turns the largest rotation leads, as −i times a positive number.
     """
 
     frequencies: Floats
@@ -76,11 +77,11 @@ class Crystal:
 
     Attributes
     ----------
-    bonds : its contacts.
-    mass : (B, 6) M: masses, and moments of inertia over R² and the mean arm/R.
-    position : (B, 3) places of the spheres of a cell.
+    bonds : contacts of a cell.
+    mass : (B, 6) M: masses, and moments of inertia divided by R² and by the mean arm/R.
+    position : (B, 3) positions of the spheres of a cell.
     vectors : (d, 3) lattice vectors.
-    freedoms : moving ones of the six freedoms: `PLANE`, `SPACE`, or fewer.
+    freedoms : indices of the freedoms that move: `PLANE`, `SPACE`, or fewer.
     """
 
     bonds: Bonds
@@ -90,7 +91,7 @@ class Crystal:
     freedoms: tuple[int, ...] = SPACE
 
     def __len__(self) -> int:
-        """Return the number of spheres of a cell."""
+        """Return the number of spheres per cell."""
         return len(self.mass)
 
     @property
@@ -110,7 +111,7 @@ class Crystal:
 
     @cached_property
     def highest(self) -> float:
-        """Return an upper bound of all frequencies: that of a sphere whose neighbours move against it."""
+        """Return an upper bound of all frequencies: the frequency of a sphere whose neighbours move against it."""
         law, bonds = self.bonds.law, self.bonds
         stiff = law.stiffness + np.abs(law.push) * bonds.curving + 2 * law.shear * (1 + self.turns)
         total = np.zeros(len(self))
@@ -119,7 +120,7 @@ class Crystal:
         return float(np.sqrt(np.max(2 * total / self.mass[:, list(self.freedoms)].min(axis=1))))
 
     def mirror(self, normal: ArrayLike) -> Mirror | None:
-        """Return the mirror across a unit vector (3,), None if the crystal has none."""
+        """Return the mirror of the crystal with this unit normal (3,), or None."""
         across = np.asarray(normal, dtype=float)
         reflection, units = np.eye(3) - 2 * np.outer(across, across), self.whole(np.eye(self.moving(self.mass).size))
         askew = _ASKEW[: len(self.vectors)] @ self.reciprocal.real
@@ -133,17 +134,17 @@ class Crystal:
 
     @cached_property
     def symmetry(self) -> Mirror | None:
-        """Return the mirror that separates degenerate modes; None in the plane.
+        """Return the mirror that separates degenerate modes; None in the plane or without such a mirror.
 
-        It is z → −z, or else x → −x, which waves along y have in most lattices.
+        It is z → −z if the crystal has it, otherwise x → −x, a symmetry of waves along y in most lattices.
         """
         normals = np.eye(3)[[2, 0]] if 2 in self.freedoms else np.zeros((0, 3))
         return next((mirror for normal in normals if (mirror := self.mirror(normal)) is not None), None)
 
     def parity(self, shapes: Complexes, wavevector: ArrayLike, mirror: Mirror | None = None) -> Floats:
-        """Return 1 for modes (..., B, 6) that are even under a mirror with k in it, by default `symmetry`.
+        """Return the parity (...) of modes (..., B, 6) under a mirror: 1 for even, −1 for odd, 0 for mixed modes.
 
-        Return −1 for odd modes, and 0 for others or without a mirror.
+        The default mirror is `symmetry`. The result is 0 without a mirror, or if the mirror plane does not contain k.
         """
         mirror, moved = mirror or self.symmetry, self.moving(shapes)
         if mirror is None or not _across(padded(wavevector), mirror.normal):
@@ -153,9 +154,11 @@ class Crystal:
 
     @cached_property
     def _blocks(self) -> tuple[Floats, Floats, NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Return D(0) (B, B, f, f) of f freedoms, and the blocks (2P, f, f) that take e^{ik·d} or its conjugate.
+        """Return D(0) (B, B, f, f) for f freedoms, and the blocks of the P contacts between two spheres.
 
-        Blocks are by pairs of spheres. Then follow their places among contacts, where each pair begins, and the pairs.
+        The blocks (2P, f, f) are multiplied by e^{ik·d} or its conjugate, and are sorted by their pair of spheres. The
+        other results are the place (2P,) of each block among the contacts, the first block of each pair, and the row
+        and column (2, ...) of each pair.
         """
         chosen, i, j = list(self.freedoms), self.bonds.first, self.bonds.second
         ends = -self.bonds.couplings[:, :, chosen][..., chosen]  # (C, 2, f, 2, f)
@@ -172,13 +175,13 @@ class Crystal:
 
     @cached_property
     def _between(self) -> Floats:
-        """Return the vectors (3, P) from sphere to sphere of the contacts of two."""
+        """Return the vectors (3, P) between the centres of touching spheres, without contacts with walls."""
         return self.bonds.apart[self.bonds.second >= 0].T
 
     def stiffness(self, wavevector: ArrayLike) -> Complexes:
-        """Return D(k) (..., F, F) of the F = B·freedoms that move; k (..., 3)."""
+        """Return D(k) (..., F, F) for the F = B·freedoms that move; k (..., 2 or 3)."""
         still, blocks, order, begin, (rows, columns) = self._blocks
-        # e^{ik·d} − 1, so that what translations share cancels before it is rounded
+        # e^{ik·d} − 1, so that the common part of translations cancels before rounding
         turns = np.expm1(1j * (padded(wavevector) @ self._between))
         matrix = np.zeros((*turns.shape[:-1], *still.shape), dtype=complex)
         if len(blocks):
@@ -186,33 +189,39 @@ class Crystal:
             phased = both[..., order, None, None] * blocks
             ends = [*begin[1:].tolist(), len(order)]
             for row, column, first, end in zip(rows.tolist(), columns.tolist(), begin.tolist(), ends, strict=True):
-                # One after the other, so that what a contact and its reverse cancel leaves no rounding
+                # In sequence, so that a contact and its reverse cancel without rounding
                 matrix[..., row, column, :, :] = sum(phased[..., each, :, :] for each in range(first, end))
         matrix += still
         size = len(self) * len(self.freedoms)
         return matrix.swapaxes(-3, -2).reshape(*turns.shape[:-1], size, size)
 
     def moving(self, vector: Array) -> Array:
-        """Return the components (..., F) that move of (..., B, 6)."""
+        """Return the moving components (..., F) of a field (..., B, 6)."""
         chosen = vector[..., list(self.freedoms)]
         return cast(Array, chosen.reshape(*chosen.shape[:-2], -1))
 
     def whole(self, vector: NDArray[Any]) -> Complexes:
-        """Return (..., B, 6) from components that move (..., F), 0 elsewhere."""
+        """Return the field (..., B, 6) with these moving components (..., F), and 0 in all others."""
         result = np.zeros((*vector.shape[:-1], len(self), 6), dtype=complex)
         result[..., list(self.freedoms)] = vector.reshape(*vector.shape[:-1], len(self), -1)
         return result
 
     @cached_property
     def _root(self) -> Floats:
-        """Return the root of the mass (F,) of each freedom that moves."""
+        """Return the square root of the mass of each moving freedom, (F,)."""
         return np.sqrt(self.moving(self.mass))
 
     def modes(self, wavevector: ArrayLike) -> Modes:
         """Return all modes at wave vectors (..., 3) or (..., 2).
 
-        If k lies in the mirror plane of `symmetry`, all modes are even or odd; of two degenerate modes the even one is
-        first. Raises ValueError if a mode is unstable: a compressed contact that buckles.
+        If k lies in the mirror plane of `symmetry`, all modes are even or odd; the even mode of a degenerate pair comes
+        first.
+
+        Raises
+        ------
+        ValueError
+            For an unstable mode, as when a compressed contact buckles; for modes that grow or decay because the arms
+            of torques are unequal.
         """
         k = padded(wavevector)
         squares, shapes, duals = self._solved(k)
@@ -221,16 +230,16 @@ class Crystal:
         return Modes(np.sqrt(np.maximum(squares, 0.0)), shapes, duals)
 
     def frequencies(self, wavevector: ArrayLike) -> Floats:
-        """Return the frequencies of `modes`, (..., J), in half of the time."""
+        """Return the frequencies of `modes`, (..., J), in half the computing time."""
         return np.sqrt(np.maximum(self._solved(padded(wavevector))[0], 0.0))
 
     def _solved(self, k: Floats) -> tuple[Floats, Complexes, Complexes]:
-        """Return squared frequencies, modes and duals at wave vectors (..., 3), of any size and phase."""
+        """Return squared frequencies, modes and duals at wave vectors (..., 3), with arbitrary norm and phase."""
         root = self._root
         matrix = self.stiffness(k) / (root[:, None] * root)
         if self.even:
             if parted := self.symmetry is not None and _across(k, self.symmetry.normal):
-                # Even and odd ones, whatever their frequencies
+                # Separates even and odd modes even if their frequencies are equal
                 matrix = matrix - self.highest**2 * self.symmetry.action
             _, vectors = np.linalg.eigh(0.5 * (matrix + matrix.swapaxes(-1, -2).conj()))
             inverse = vectors.swapaxes(-1, -2).conj()
@@ -240,7 +249,7 @@ class Crystal:
             inverse = np.linalg.inv(vectors)
         shapes = self.whole(vectors.swapaxes(-1, -2) / root)
         duals = self.whole(inverse * root)
-        if self.even:  # the energy keeps the digits of a low frequency, which eigh rounds to those of the highest
+        if self.even:  # eigh rounds in units of the highest frequency; the energy resolves low frequencies
             squares = self.bonds.energy(self.bonds.strain(shapes, k[..., None, :]))
             if parted:
                 order = np.argsort(squares - _ONE * np.abs(squares) * self.parity(shapes, k), axis=-1)
@@ -255,7 +264,7 @@ class Crystal:
         return squares, shapes, duals
 
     def accelerations(self, forces: Complexes) -> Complexes:
-        """Return M⁻¹F (..., B, 6), 0 where nothing moves."""
+        """Return M⁻¹F (..., B, 6), with 0 for freedoms that do not move."""
         result = np.zeros(np.shape(forces), dtype=complex)
         chosen = list(self.freedoms)
         result[..., chosen] = forces[..., chosen] / self.mass[:, chosen]
@@ -280,21 +289,28 @@ class Crystal:
         true_geometry: bool = True,
         measured: Measured | None = None,
     ) -> Self:
-        """Return the crystal of spheres at these places, with the contacts that it finds.
+        """Return the crystal of spheres at given positions, with all contacts between overlapping spheres.
 
         Parameters
         ----------
-        vectors, position : (d, 2 or 3), (B, 2 or 3); two components make a crystal in the plane
-        radius, density, kind : (B,) or one for all; kind is an index into `materials`
-        walls : rigid planes that spheres touch adhesion : "dmt" (without work of adhesion the Hertz law) or "jkr"
-        shear, rotation : whether contacts resist shear, and whether spheres turn, which needs shear true_geometry :
-        True for the geometry of LAMMPS, with normals that turn and arms R − δ/2; False for that of the paper measured :
-        measured stiffnesses, in place of those from moduli
+        vectors : (d, 2 or 3) lattice vectors
+        position : (B, 2 or 3); two components make a crystal in the plane
+        radius, density : (B,), or one value for all spheres
+        materials : elastic constants of each kind of spheres
+        kind : (B,) index into `materials`, or one value for all spheres
+        walls : planes that spheres may touch
+        adhesion : "dmt" (the Hertz law if the work of adhesion is 0) or "jkr"
+        shear_law : "secant", "incremental" or "potential"; see `granular_analysis.theory.bonds`
+        shear_mixing : rule for the shear modulus between two kinds; see `granular_analysis.theory.network`
+        shear : whether contacts resist shear
+        rotation : whether spheres turn; without shear they never turn
+        true_geometry : True for the geometry of LAMMPS, with normals that turn and arms R − δ/2; False for the paper's
+        measured : measured stiffnesses that replace those from moduli
 
         Raises
         ------
         ValueError
-            For a crystal without contacts or not in equilibrium.
+            For positions of another shape, a crystal without contacts, and a crystal that is not in equilibrium.
         """
         place, cell = padded(position), padded(vectors)
         if len(place) == 0 or place.shape[1:] != (3,):
@@ -312,7 +328,7 @@ class Crystal:
         parts += [_touching(wall, place, R, kinds, materials) for wall in walls]
         first, second, apart, normal, curving, overlap, A, B, F, _ = map(np.concatenate, zip(*parts, strict=True))
         if not len(first):
-            raise TheoryError("no two spheres touch, and none touches a wall: radii add up to less than every distance")
+            raise TheoryError("no spheres touch each other or a wall: all distances exceed the sum of the two radii")
         law = AT_REST[adhesion](overlap, A, B, F)
         law = law if measured is None else measured.scale(law, second < 0, np.stack([kinds[first], kinds[second]]))
         if not shear:
@@ -335,7 +351,7 @@ class Crystal:
         return result._with_mean_arms()
 
     def _with_mean_arms(self) -> Self:
-        """Return the crystal with the mean arm of each sphere, weighted by k, in its moment of inertia."""
+        """Return the crystal in which moments of inertia absorb the mean arm of each sphere, weighted by k."""
         bonds, shear = self.bonds, self.bonds.law.shear
         weight, total = np.zeros((2, len(self)), dtype=np.result_type(shear, bonds.arms))
         pairs = bonds.second >= 0
@@ -352,28 +368,31 @@ class Crystal:
         return type(self)(turned, mass, self.position, self.vectors, self.freedoms)
 
     def _refuse_moving(self, overlap: Floats) -> None:
-        """Raise ValueError for spheres on which the contacts leave a force."""
+        """Raise ValueError if the contacts leave a net force on a sphere."""
         push = (self.bonds.law.push[:, None] * self.bonds.normal)[:, None] * np.array([[-1.0], [1.0]])
         ends = np.concatenate([push, np.zeros_like(push)], axis=-1)
         left = np.abs(self.bonds.gather(ends, np.zeros(3), len(self))[:, list(self.freedoms)]).max()
         allowed = _AT_REST * float(np.max(np.abs(self.bonds.law.stiffness * overlap)))
         if left > allowed:
             raise TheoryError(
-                f"the crystal is not at rest: a force of {left:.3g} is left on a sphere, allowed {allowed:.3g}"
+                f"the crystal is not at rest: the net force on a sphere is {left:.3g}; allowed: up to {allowed:.3g}"
             )
 
 
 def _across(wavevector: Floats, normal: Floats) -> bool:
-    """Return whether wave vectors (..., 3) lie in a mirror."""
+    """Return whether all wave vectors (..., 3) lie in the mirror plane with this normal."""
     return bool(np.all(np.abs(wavevector @ normal) <= 1e-12 * np.linalg.norm(wavevector, axis=-1)))
 
 
 def find_contacts(
     vectors: Floats, position: Floats, radius: Floats
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
-    """Return both spheres (C,) of each contact, once, and by how many vectors the second is moved (C, d)."""
+    """Return each contact once: its first and second sphere (C,), and the lattice vectors that shift the second.
+
+    The shifts (C, d) count the vectors (d, 3).
+    """
     reach = 2 * float(radius.max()) + float(np.ptp(position, axis=0).max()) * np.sqrt(3)
-    # Planes of the lattice are 1/|b| apart, b the reciprocal vector without 2π
+    # The distance of lattice planes is 1/|b|, with the reciprocal vector b without 2π
     most = np.floor(reach * np.linalg.norm(np.linalg.pinv(vectors), axis=0) + _TOUCHES_TWICE).astype(int)
     found: list[tuple[int, int, tuple[int, ...]]] = []
     near, others = radius[:, None] + radius, np.triu(np.ones((len(radius), len(radius)), dtype=bool), 1)
@@ -382,7 +401,7 @@ def find_contacts(
     shifts = np.array(every, dtype=float) @ vectors
     for number in np.flatnonzero(np.linalg.norm(shifts, axis=1) <= reach * (1 + _TOUCHES_TWICE)).tolist():
         apart = position[None] + shifts[number] - position[:, None]
-        onward = number > len(every) // 2  # the first half is the reverse of the second
+        onward = number > len(every) // 2  # the first half of the shifts is the reverse of the second
         touch = (np.sqrt((apart**2).sum(axis=2)) < near) & (themselves if onward else others)
         found += [(i, j, every[number]) for i, j in np.argwhere(touch).tolist()]
     if not found:
@@ -392,7 +411,7 @@ def find_contacts(
 
 
 def padded(vector: ArrayLike) -> Floats:
-    """Return vectors (..., 3) of (..., 2) or (..., 3)."""
+    """Return vectors (..., 1 to 3) as (..., 3), padded with zeros."""
     result = np.asarray(vector) + 0.0
     return np.concatenate([result, np.zeros((*result.shape[:-1], 3 - result.shape[-1]))], axis=-1)
 
@@ -400,7 +419,7 @@ def padded(vector: ArrayLike) -> Floats:
 def _touching(
     wall: Wall, place: Floats, radius: Floats, kinds: NDArray[np.intp], materials: Sequence[Material | Elastic]
 ) -> tuple[NDArray[Any], ...]:
-    """Return the contacts of a wall, in the order of `Crystal.of`."""
+    """Return the contacts with a wall, as the columns that `Crystal.of` concatenates."""
     normal = np.asarray(wall.normal, dtype=float) / np.linalg.norm(wall.normal)
     overlap = radius - (np.asarray(wall.point, dtype=float) - place) @ normal
     first = np.flatnonzero(overlap.real > 0)
@@ -412,7 +431,7 @@ def _touching(
 
 
 def _phase(shapes: Complexes, wavevector: Floats) -> Complexes:
-    """Return the phase (...) that the leading component of each mode (..., J, B, 6) is to lose."""
+    """Return the phase factor (...) by which modes (..., J, B, 6) are divided to follow the rule of `Modes`."""
     size = np.sqrt((wavevector**2).sum(axis=-1, keepdims=True))
     along = np.divide(wavevector, size, out=np.zeros_like(wavevector) + [0.0, 1.0, 0.0], where=size > 0)
     frame = np.zeros((*along.shape[:-1], 3, 2))  # along k and across it, in the plane

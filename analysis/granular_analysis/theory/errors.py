@@ -1,4 +1,4 @@
-"""The error of a theory that refuses: a caller shows its sentence as a reason, and no other error as one."""
+"""Error by which a theory refuses a run; callers show its message as the reason, and pass on all other errors."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -7,12 +7,12 @@ Name = TypeVar("Name", bound=str)
 
 
 class TheoryError(ValueError):
-    """A theory whose name is unknown, or that leaves out what it is given."""
+    """The theory is unknown, or excludes a property of its input."""
 
 
 def one_of(allowed: Sequence[Name], said: str, what: str) -> Name:
-    """Return the name that a scene says, or raise TheoryError if a theory knows no such name."""
+    """Return the allowed name that equals `said`; TheoryError naming the key `what` if there is none."""
     for name in allowed:
         if name == said:
             return name
-    raise TheoryError(f"{what} = {said!r} is none of {tuple(allowed)}")
+    raise TheoryError(f"{what} = {said!r}: must be one of {', '.join(allowed)}")

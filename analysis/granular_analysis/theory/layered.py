@@ -1,18 +1,19 @@
-"""Elastic films on a half-space, or a plate that is free below: how their upper surface resists a wave.
+"""Stiffness of the surface of layered solids: elastic films on a half-space, or a plate with a free lower face.
 
-A slab of thickness h carries waves that decay from either face, e^{p(z−h)} and e^{−pz}, so that no exponential grows.
-Displacements of both faces in these waves are U, tractions on them T, and K = T U⁻¹ is the stiffness of the slab. On a
-body whose surface resists with S, the surface of the slab resists with
+The waves in a slab of thickness h are written from the face where each is largest, e^{p(z−h)} and e^{−pz}, so that no
+exponential grows. With the displacements U and the tractions T of both faces in these waves, the stiffness of the slab
+is K = T U⁻¹. If the surface of the body below has the stiffness S, the top surface (t) of a slab with the bottom face
+(b) on that body has the stiffness
 
     S′ = K_tt − K_tb (K_bb + S)⁻¹ K_bt
 
-*Counting.* Below ω lie as many waves of a stack whose surface is held as the matrices K_bb + S have negative
-eigenvalues, and as its slabs have between held faces (Wittrick and Williams). A slab has none below π c_t/h; a film is
-halved until it has none either, and put together again by doubling.
+*Counting.* With the surface of a stack held, the number of its waves below ω is the number of negative eigenvalues of
+all matrices K_bb + S, plus the number of waves of each slab between held faces (Wittrick and Williams). A slab has no
+such wave below π c_t/h: a film is halved until the halves have none, and is then assembled again by doubling.
 
-When it breaks: K loses the share ε(k c/ω)² to rounding, ε of a double, as both kinds of waves become one at ω = 0. So
-bending of a plate is lost where kh is below 1e-2. A wave that leaks grows downward, and loses digits by its growth
-through the films.
+When it breaks: rounding takes the share ε(k c/ω)² of K, where ε is the precision of a double, because both kinds of
+waves become one at ω = 0. Bending of a plate is therefore lost where kh is below 1e-2. A leaking wave grows downward
+and loses digits in proportion to its growth through the films.
 """
 
 from typing import Any, NamedTuple
@@ -22,18 +23,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.surface_wave import Complexes, HalfSpace, Reaction, complexes, downward
 
-_SAGITTAL = [0, 2, 3, 5]  # along k and up, of both faces
-_STATIC = 1e-4  # share of c_t k; a motion this slow is static to the share 1e-8, the digits that K has there
+_SAGITTAL = [0, 2, 3, 5]  # the components along k and up of both faces
+_STATIC = 1e-4  # in c_t k: the lowest ω at which K is evaluated. There K has 8 digits, and is static to as many
 
 
 class Slab(NamedTuple):
-    """A film of one material, and its thickness."""
+    """Film of one material with its thickness h."""
 
     material: HalfSpace
     thickness: float
 
     def stiffness(self, k: Complexes, omega: Complexes) -> Complexes:
-        """Return K (..., 6, 6) of the lower face, then the upper, each along k, across, and up; k, ω (...)."""
+        """Return K (..., 6, 6) at k and ω (...): the lower face, then the upper, each along k, across, and up."""
         solid, h = self.material, self.thickness
         omega = np.where(np.abs(omega) > _STATIC * solid.transverse * k.real, omega, _STATIC * solid.transverse * k)
         shear = solid.density * solid.transverse**2
@@ -43,7 +44,7 @@ class Slab(NamedTuple):
         moved, pulled = [], []
         for turn, side in ((p, 1), (q, 1), (p, -1), (q, -1)):
             slope = side * turn
-            # A gradient of e^{ikx + slope z}, and the curl of such a field
+            # Displacements: the gradient of e^{ikx + slope z} for p, and the curl of such a field for q
             along, up = (ik, slope) if turn is p else (-slope, ik)
             shears, presses = shear * (slope * along + ik * up), plane * slope * up + (plane - 2 * shear) * ik * along
             low, high = (np.exp(-turn * h), zero + 1) if side > 0 else (zero + 1, np.exp(-turn * h))
@@ -60,12 +61,12 @@ class Slab(NamedTuple):
 
 
 class Layered(NamedTuple):
-    """Films on a half-space, or a plate.
+    """Films on a half-space, or a plate with a free lower face.
 
     Attributes
     ----------
-    films : from below upward.
-    below : the half-space; None: free.
+    films : slabs, from the lowest upward.
+    below : half-space under the films; None: free lower face.
     """
 
     films: tuple[Slab, ...]
@@ -73,11 +74,11 @@ class Layered(NamedTuple):
 
     @property
     def cutoff(self) -> float:
-        """Return the speed of waves that leak, those that are no slower; none does from a plate."""
+        """Return the speed from which waves leak into the half-space; infinite for a plate."""
         return np.inf if self.below is None else self.below.cutoff
 
     def reaction(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Reaction:
-        """Return how the upper surface resists at k > 0 (...) and ω (...) that may be complex."""
+        """Return the reaction of the upper surface at k > 0 (...) and ω (...), which may be complex."""
         k, omega = complexes(wavenumber, frequency)
         below = np.zeros((*k.shape, 3, 3), dtype=complex) if self.below is None else self.below.stiffness(k, omega)
         count: NDArray[Any] = np.zeros(k.shape, dtype=np.intp)
@@ -94,7 +95,7 @@ class Layered(NamedTuple):
 
 
 def _doubled(stiff: Complexes, inside: NDArray[Any]) -> tuple[Complexes, NDArray[Any]]:
-    """Return K of two equal slabs from that of one, and the number of waves between held faces."""
+    """Return K of two equal slabs from K of one, and the number of waves of both between held faces."""
     lower, upper = stiff[..., :3, :3], stiff[..., 3:, 3:]
     middle, whole = upper + lower, np.zeros_like(stiff)
     whole[..., :3, :3], whole[..., 3:, 3:] = lower, upper

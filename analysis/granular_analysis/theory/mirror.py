@@ -1,4 +1,4 @@
-"""Mirrors of a crystal: where its spheres go, and how fields change."""
+"""Mirrors of a crystal: the images of its spheres and of fields on them."""
 
 from typing import Any, NamedTuple
 
@@ -6,25 +6,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-_SAME = 1e-9  # share of a vector of the lattice, and of a mass, that is rounding
+_SAME = 1e-9  # rounding, as a share of a lattice vector or of a mass
 
 
 class Mirror(NamedTuple):
-    """A mirror of a crystal: its unit normal (3,), and how it acts on the components that move (F, F)."""
+    """Mirror of a crystal: its unit normal (3,), and its action as a matrix (F, F) on the components that move."""
 
     normal: Floats
     action: Floats
 
     @property
     def reflection(self) -> Floats:
-        """Return the matrix (3, 3) by which it turns vectors round."""
+        """Return the matrix (3, 3) that reflects vectors."""
         return np.eye(3) - 2 * np.outer(self.normal, self.normal)
 
 
 def images(position: Floats, vectors: Floats, mass: Floats, reflection: Floats, to: int) -> NDArray[np.intp] | None:
-    """Return where each sphere goes (B,) if the first goes to `to`; None if not all go to equal spheres.
+    """Return the sphere (B,) onto which each is reflected if the first goes to `to`; None if there is no such mirror.
 
-    position, mass : (B, 3) and (B, 6) of a cell that repeats by vectors (d, 3); reflection : (3, 3)
+    Every image must coincide with a sphere of equal mass, up to a lattice vector.
+
+    Parameters
+    ----------
+    position : (B, 3) centres of the spheres of a cell
+    vectors : (d, 3) lattice vectors
+    mass : (B, 6) masses
+    reflection : (3, 3) matrix of the mirror
+    to : image of the first sphere
     """
     shift = position[to] - reflection @ position[0]
     image = position @ reflection.T + shift

@@ -1,23 +1,24 @@
-"""Two waves of given frequencies that resonate: which pair, directions and compression are phase-matched.
+"""Phase matching of two waves with given frequencies: branches, directions and compression at which they resonate.
 
-Two sources shake a crystal at the frequencies f1 and f2, each along a direction of its own. In the crystal's own units
-the frequencies are Ωi = 2π fi t0, and t0 falls as the crystal is compressed,
+Two sources shake a crystal at the frequencies f1 and f2, each along its own direction. In units of the crystal the
+frequencies are Ωi = 2π fi t0. The unit t0 falls as the crystal is compressed by the force F0 per contact, with the
+pull F = π w R of adhesion:
 
-    t0² = m/(3(κ+3) A √Δ0),    A Δ0^{3/2} = F + F0,    F = π w R adhesion,  F0 the compressive force of a contact
+    t0² = m/(3(κ+3) A √Δ0),    A Δ0^{3/2} = F + F0
 
-so that F0 brings two waves of given frequencies to where Ω1 ± Ω2 = Ω_j(k1 ± k2). For each pair of branches and
-directions, `design` finds the wave numbers at which Ω2/Ω1 = f2/f1 and the pair is phase-matched, and the F0 that makes
-them waves of these frequencies, in the geometry and under the prestress (η, F0) of such contacts. Pairs that symmetry
-forbids (`granular_analysis.theory.selection`) are left out.
+F0 can therefore tune two waves of given frequencies to Ω1 ± Ω2 = Ω_j(k1 ± k2). For each pair of branches and
+directions, `design` finds the wave numbers at which the pair is phase-matched with Ω2/Ω1 = f2/f1, and the force F0 at
+which these waves have the given frequencies, with the geometry and prestress (η, F0) of such contacts. Pairs that
+symmetry forbids (`granular_analysis.theory.selection`) are left out.
 
-Good values: a compression with η = Δ0/2R below 0.01, where spheres still are springs. The list is ordered by the time,
-in periods of the first wave, in which two waves of the same amplitude make a third as large
-(`granular_analysis.theory.second_order.Mixed.growth_rates`): fewer are better. Where the two waves are one, a single
-one counts, whose second harmonic resonates. An adhesive crystal holds itself together, so below some frequency no force
-is small enough.
+Good values: a compression with η = Δ0/2R below 0.01, where contacts still are springs. The list is sorted by the number
+of periods of the first wave in which two waves of equal amplitude generate a third wave of the same amplitude
+(`granular_analysis.theory.second_order.Mixed.growth_rates`); fewer are better. If both waves are the same, they count
+as a single wave, whose second harmonic resonates. An adhesive crystal is stiff without compression, so frequencies
+below some value cannot be matched by any compression.
 
-When it breaks: as `granular_analysis.theory.second_order`; a detuning of 1/(100 periods) is a part in a thousand of Ω,
-which spread of sphere sizes easily makes.
+When it breaks: as `granular_analysis.theory.second_order`. A detuning of 1/(100 periods) is one thousandth of Ω; a
+spread of sphere sizes easily causes that much.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -43,20 +44,20 @@ SILICA = Sphere(
 )  # the paper's
 EDGE = 2.0 * np.pi / np.sqrt(3.0)  # |ΓM|, in 1/lattice constant
 POINTS = 160  # values of each wave number, from Γ to the border of the zone
-LARGEST = 0.099  # overlap ratio: `Contact` knows up to 0.1, and a root is looked for from both sides
-SMALLEST = 1e-12  # overlap ratio of spheres that do not adhere: below, contacts are atoms
-CLOSE = 1e-10  # difference of frequencies at a root; relative, of its unit of time and the one that was asked for
-SAME = 1e-6  # relative, of lengths and forces of one resonance that is found twice
+LARGEST = 0.099  # largest overlap ratio: `Contact` allows 0.1, and the root search steps past the solution
+SMALLEST = 1e-12  # least overlap ratio of spheres without adhesion; a smaller overlap is below an atom
+CLOSE = 1e-10  # largest difference of frequencies at a root, and relative difference of its time unit from the target
+SAME = 1e-6  # relative difference of lengths and forces below which two resonances are the same
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """A phase-matched pair in a crystal that is compressed for it.
+    """Phase-matched pair of waves, with the compressed crystal in which it resonates.
 
     Attributes
     ----------
-    pair : the two waves, and what they make
-    branches : of the two
+    pair : the two waves and the field that they generate
+    branches : indices of their branches
     target : branch that grows at k1 ± k2
     sphere : the spheres, with the compressive force F0 of a contact in N
     frequency : f1 in hertz
@@ -70,7 +71,7 @@ class Resonance:
 
     @property
     def sign(self) -> int:
-        """Return 1 for the sum of the two, −1 for their difference."""
+        """Return 1 for the sum of the two waves, −1 for their difference."""
         return 1 if self.pair.second.frequency > 0 else -1
 
     @property
@@ -80,17 +81,20 @@ class Resonance:
 
     @property
     def rate(self) -> float:
-        """Return the rate of growth per τ and a, half of that of two waves where these are one."""
+        """Return the rate of growth per τ and a; half the rate of a pair if both waves are the same."""
         (one, branch), (other, another), _ = self._three
         single = self.sign == 1 and branch == another and np.allclose(one, other, rtol=SAME, atol=0)
         return float(self.pair.growth_rates()[self.target]) * (0.5 if single else 1.0)
 
     def periods(self, amplitude: float) -> float:
-        """Return the periods of the first wave after which a third would be as large as two, or one, of a = D0/Δ0."""
+        """Return the periods of the first wave after which the generated wave would have the amplitude a = D0/Δ0.
+
+        The two waves, or the single wave, have this amplitude too, and their loss of energy is neglected.
+        """
         return self.frequency * self.sphere.time_scale / (self.rate * amplitude)
 
     def mirrors(self, other: "Resonance") -> bool:
-        """Return whether another resonance is this one, mirrored, turned, or with its two waves exchanged."""
+        """Return whether another resonance is this one mirrored, rotated, or with its two waves exchanged."""
         if self.sign != other.sign:
             return False
         mine, others = self._waves, other._waves
@@ -98,18 +102,18 @@ class Resonance:
 
     @property
     def _waves(self) -> Floats:
-        """Branch (from 1), length of the wave vector and force on a contact of the three waves, (3, 3)."""
+        """Branch (from 1), length of the wave vector, and holding force of a contact for the three waves, (3, 3)."""
         return np.array([(1 + int(branch), np.linalg.norm(k), self.sphere.holding_force) for k, branch in self._three])
 
     @property
     def _three(self) -> list[tuple[Floats, int]]:
-        """Wave vector and branch of the first, the second and the wave that grows."""
+        """Wave vectors and branches of the first wave, the second wave, and the wave that grows."""
         vectors = self.pair.first.wavevector, self.sign * self.pair.second.wavevector, self.pair.wavevector
         return [(k[:2], branch) for k, branch in zip(vectors, (*self.branches, self.target), strict=True)]
 
     @property
     def names(self) -> str:
-        """Return the names of the three waves, as "TR + TR -> L"; away from mirrors they label quasi-modes."""
+        """Return the names of the three waves, as "TR + TR -> L"; away from mirrors the names label quasi-modes."""
         contact = Contact.of(self.sphere)
         one, other, third = (
             next(name for name in ("L", "TR", "RT") if branch_index(name, k, contact) == branch)
@@ -119,7 +123,7 @@ class Resonance:
 
 
 def compressed(sphere: Sphere, time_scale: float) -> Sphere:
-    """Return the spheres under the F0 that gives them the unit of time t0, in s; a negative one is a pull."""
+    """Return the spheres under the force F0 that gives the unit of time t0, in s; a negative F0 is a pull."""
     root_of_overlap = sphere.mass / (3 * (sphere.stiffness_ratio + 3) * sphere.normal_coefficient * time_scale**2)
     return replace(sphere, contact_force=sphere.normal_coefficient * root_of_overlap**3 - sphere.pull_off_force)
 
@@ -131,14 +135,14 @@ def design(
     directions: Sequence[float] = (90.0, 0.0),
     openings: Sequence[float] = (0.0, 60.0, 90.0, 120.0, 180.0),
 ) -> list[Resonance]:
-    """Return the phase-matched pairs of two frequencies, those first that grow in the fewest periods.
+    """Return the phase-matched pairs of two frequencies, sorted by the periods that they need to grow.
 
     Parameters
     ----------
     sphere : in SI units; its contact_force is not used
-    frequency, second : f1 and f2 in hertz; f2 = f1 unless given
-    directions : of the first wave, degrees from a close-packed row (90: the paper's y)
-    openings : from the first wave to the second, degrees
+    frequency, second : f1 and f2 in hertz; f2 = f1 by default
+    directions : directions of the first wave, degrees from a close-packed row (90: the paper's y)
+    openings : angles from the first wave to the second, degrees
 
     Raises
     ------
@@ -154,7 +158,7 @@ def design(
     )
 
     def under_pressure(omega: float) -> Sphere:
-        """Return the spheres in which the first wave has its frequency, among those that push and are springs."""
+        """Return the spheres in which the first wave has frequency f1, limited to F0 ≥ 0 and η ≤ `LARGEST`."""
         asked = compressed(resting, float(np.clip(abs(omega) / (2 * np.pi * frequency), shortest, longest)))
         return replace(asked, contact_force=max(asked.contact_force, 0.0))
 
@@ -180,17 +184,17 @@ def design(
         omegas = [float(each.first.frequency) for each in left]
         lowest = min(omegas, default=0.0) / (2 * np.pi * resting.time_scale)
         if frequency < lowest:
-            raise ValueError(f"frequency is {frequency:g}; allowed: {lowest:.4g} Hz and above, without a pull")
+            raise ValueError(f"frequency is {frequency:g}; allowed: {lowest:.4g} Hz and above, where F0 is no pull")
     return sorted(found, key=lambda each: each.periods(1.0))
 
 
 def _check(sphere: Sphere, frequency: float, second: float, angles: Sequence[float]) -> None:
-    """Raise ValueError, with name, value and what is allowed, for input of `design` that is none."""
+    """Raise ValueError, naming the argument, its value and the allowed range, for invalid input of `design`."""
     positive = {"frequency": frequency, "second": second} | {
         name: getattr(sphere, name) for name in ("radius", "youngs_modulus", "density")
     }
     for name, value in positive.items():
-        if not 1e-15 <= value <= 1e15:  # whose powers are numbers
+        if not 1e-15 <= value <= 1e15:  # so that powers neither overflow nor underflow
             raise ValueError(f"{name} is {value}; allowed: from 1e-15 to 1e15")
     if not np.isfinite(angles).all():
         raise ValueError(f"directions and openings are {list(angles)}; allowed: degrees, finite")
@@ -207,7 +211,16 @@ def _check(sphere: Sphere, frequency: float, second: float, angles: Sequence[flo
 
 
 class _Guess(NamedTuple):
-    """Two waves near phase-matching: unit vectors along them, lengths and Ω1, branches, sign, the branch they make."""
+    """Two waves near phase matching.
+
+    Attributes
+    ----------
+    along : unit vectors along both wave vectors
+    start : their lengths, and Ω1
+    branches : branches of both waves
+    sign : 1 for their sum, −1 for their difference
+    target : branch that they generate
+    """
 
     along: tuple[Floats, Floats]
     start: Floats
@@ -216,7 +229,7 @@ class _Guess(NamedTuple):
     target: int
 
     def pair(self, lengths: Floats, contact: Contact) -> Mixed:
-        """Return the two waves with wave vectors of other lengths, (2,) or (2, N)."""
+        """Return the two waves with wave vectors of these lengths, (2,) or (2, N)."""
         first, second = (
             (length[..., None] * direction, branch)
             for length, direction, branch in zip(lengths, self.along, self.branches, strict=True)
@@ -224,7 +237,7 @@ class _Guess(NamedTuple):
         return pair_of(first, second, self.sign, contact)
 
     def frequencies(self, lengths: Floats, contact: Contact) -> tuple[Floats, Floats, Floats]:
-        """Return Ω1 (...), Ω2 (...) and |Ω1 ± Ω2| − Ω_j(k1 ± k2) (..., J) of waves of wave numbers (2, ...)."""
+        """Return Ω1 (...), Ω2 (...) and |Ω1 ± Ω2| − Ω_j(k1 ± k2) (..., J) at wave numbers (2, ...)."""
         k1, k2 = (length[..., None] * direction for length, direction in zip(lengths, self.along, strict=True))
         every = hexagonal(contact).frequencies(np.stack([k1, k2, k1 + self.sign * k2]))
         first, second = every[0, ..., self.branches[0]], every[1, ..., self.branches[1]]
@@ -232,14 +245,14 @@ class _Guess(NamedTuple):
 
 
 def _guesses(contact: Contact, ratio: float, angles: tuple[float, float]) -> Iterator[_Guess]:
-    """Yield where on a grid of wave numbers Ω2 = ratio·Ω1 and the waves along two directions resonate with a branch."""
+    """Yield the waves along two directions with Ω2 = ratio·Ω1 that resonate with a branch, from a grid of numbers."""
     along = (frame(angles[0])[0], frame(angles[1])[0])
     lengths = [np.linspace(0.02, 1.0, POINTS) * _border(direction) for direction in along]
     first, second = (
         hexagonal(contact).frequencies(length[:, None] * direction)
         for length, direction in zip(lengths, along, strict=True)
     )
-    # Equal frequencies make a difference that is static, and no wave
+    # The difference of two waves of equal frequency is static, not a wave
     signs: tuple[Literal[1, -1], ...] = (1, -1) if ratio != 1.0 else (1,)
     for one, other in product(range(3), repeat=2):
         gap = second[:, None, other] - ratio * first[:, one]
@@ -253,9 +266,9 @@ def _guesses(contact: Contact, ratio: float, angles: tuple[float, float]) -> Ite
 
 
 def _root(guess: _Guess, ratio: float, contact_at: Callable[[float], Contact]) -> Mixed | None:
-    """Return the phase-matched pair near a guess, None if there is none in the zone.
+    """Return the phase-matched pair near a guess, or None if there is none in the zone.
 
-    contact_at gives the contact of the crystal in which the first wave has a frequency Ω1.
+    contact_at returns the contact of the crystal in which the first wave has a given frequency Ω1.
     """
 
     def residual(unknown: Floats) -> list[float]:
@@ -270,13 +283,17 @@ def _root(guess: _Guess, ratio: float, contact_at: Callable[[float], Contact]) -
 
 
 def _border(direction: Floats) -> float:
-    """Return the length of a wave vector along a unit vector on the border of the first zone."""
+    """Return the length at which a wave vector along a unit vector meets the border of the first zone."""
     normals = np.radians(30.0 + 60.0 * np.arange(6))
     return float(EDGE / np.max(np.cos(normals) * direction[0] + np.sin(normals) * direction[1]))
 
 
 def table(found: Sequence[Resonance], amplitude: float) -> str:
-    """Return the resonances, one a line: waves, directions, wave numbers, frequencies, force, and periods of growth."""
+    """Return a table with one resonance per line.
+
+    Columns: names of the waves, directions, wave numbers ξ, the generated frequency, F0, η, and periods of growth at an
+    amplitude of D0/Δ0.
+    """
     lines = [
         f"{'waves':15}{'deg 1':>7}{'deg 2':>7}{'deg 3':>7}{'xi 1':>9}{'xi 2':>9}{'xi 3':>9}"
         f"{'f3, Hz':>11}{'F0, N':>11}{'eta':>9}{'periods':>9}"

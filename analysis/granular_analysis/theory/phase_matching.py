@@ -5,14 +5,14 @@ A wave of branch i with the wave vector k drives branch j at 2k. Along a line of
     resonance       2ω_i(k) = ω_j(2k): the harmonic is a free wave, and grows in proportion to time
     antiresonance   the force on branch j changes its sign
 
-If a mirror plane of the crystal contains e, modes are even or odd. The square of either is even, so an odd branch at 2k
-is not driven at any wave number: its resonances are *forbidden*, and it has no antiresonance. From one wave number to
-the next a branch continues as the most similar mode, so branches of different symmetry cross.
+If a mirror plane of the crystal contains e, modes are even or odd. The square of either is even, so no wave number
+drives an odd branch at 2k: its resonances are *forbidden*, and it has no antiresonance. From one wave number to the
+next a branch continues as the most similar mode, so branches of different symmetry cross.
 
-When it breaks: if two branches are degenerate along the whole line and no mirror z → −z separates them, their
-polarisation is arbitrary. A pair of zeros between two points of the grid is missed. So are zeros between branches that
-repel each other within less than a tenth of a step, which count as crossing. A detuning that touches 0 without
-crossing, as at the edge of the zone, is not a resonance.
+When it breaks: the polarisation of two branches is arbitrary if they are degenerate along the whole line and no mirror
+z → −z separates them. The search misses a pair of zeros between two points of the grid. Branches that repel each other
+within less than a tenth of a step count as crossing, so zeros between them are missed. A detuning that touches 0
+without crossing, as at the edge of the zone, is not a resonance.
 """
 
 from collections.abc import Callable
@@ -34,18 +34,18 @@ Complexes = NDArray[np.complex128]
 Integers = NDArray[np.intp]
 
 COUNT = 200  # wave numbers on a line
-_FLOPPY = 1e-6  # a branch below this share of the highest frequency all along has the frequency 0
-_SILENT = 1e-9  # share of the largest force on any branch that is rounding, or a zero that was found
+_FLOPPY = 1e-6  # a branch that stays below this share of the highest frequency has frequency 0
+_SILENT = 1e-9  # a force below this share of the largest force is 0: rounding, or a zero at its root
 _TOUCHING = 1e-12  # a detuning below this share of the highest frequency is 0
-_ALIKE = 0.99  # overlap of modes that one wave number and the next resolve, where branches repel each other
-_HALVINGS = 4  # A step of the grid is halved so often where they do not
-_FACING = 1e-9  # share of a reciprocal vector that is rounding
-_REACH = 3  # reciprocal vectors up to this many of each
+_ALIKE = 0.99  # least overlap of a mode at successive wave numbers; less means that branches repel in between
+_HALVINGS = 4  # grid steps with less overlap are halved up to this many times
+_FACING = 1e-9  # a component below this share of a reciprocal vector is rounding
+_REACH = 3  # largest multiple of each primitive reciprocal vector
 
 
 @dataclass(frozen=True)
 class Match:
-    """A resonance or an antiresonance.
+    """Resonance or antiresonance, in the units of the crystal.
 
     Attributes
     ----------
@@ -53,8 +53,8 @@ class Match:
     wavenumber : q = |k|.
     branch, target : i and j, from 0 by frequency.
     frequency : ω of the wave.
-    rate : velocity of growth of branch j, per square of the amplitude of one wave; 0 if there is none.
-    forbidden : why a resonance does not grow, "" if it does.
+    rate : growth of branch j per time and per square of the amplitude of the wave; 0 if it does not grow.
+    forbidden : reason why a resonance does not grow; "" if it grows.
     """
 
     kind: str
@@ -67,12 +67,12 @@ class Match:
 
 
 def zone_edge(crystal: Crystal, direction: ArrayLike) -> float:
-    """Return the largest |k| along a direction that is in the first Brillouin zone."""
+    """Return the largest |k| along a direction (2,) or (3,) inside the first Brillouin zone."""
     return float(last_number(crystal, _unit(direction)))
 
 
 def last_number(crystal: Crystal, unit: NDArray[Any]) -> Any:
-    """Return the largest x of wave vectors x·unit in the first Brillouin zone; numbers may have a complex step."""
+    """Return the largest x such that x·unit is in the first Brillouin zone; inputs may have a complex step."""
     counts = product(range(-_REACH, _REACH + 1), repeat=len(crystal.vectors))
     vectors = np.array([count for count in counts if any(count)]) @ crystal.reciprocal
     towards, squares = vectors @ unit, np.sum(vectors**2, axis=1)
@@ -82,12 +82,15 @@ def last_number(crystal: Crystal, unit: NDArray[Any]) -> Any:
 
 
 def matches(crystal: Crystal, direction: ArrayLike, count: int = COUNT) -> list[Match]:
-    """Return all resonances and antiresonances on a line of wave vectors, by wave number.
+    """Return all resonances and antiresonances on a line of wave vectors, sorted by wave number.
 
     Parameters
     ----------
-    direction : (2,) or (3,) of any length
-    count : number of wave numbers, up to the edge of the zone
+    crystal : its wave vectors are in 1/length
+    direction : (2,) or (3,), direction of the line, of any length
+    count : number of wave numbers of the grid, up to the edge of the zone
+
+    Raises ValueError for an unstable crystal.
     """
     along = _unit(direction)
     most = zone_edge(crystal, along)
@@ -105,19 +108,19 @@ def matches(crystal: Crystal, direction: ArrayLike, count: int = COUNT) -> list[
         n, branch, target = np.nonzero(turns & moving)
         start = grid.chosen(n, branch, target)
         found += line.antiresonances(start, numbers[n], numbers[n + step], loudest) if len(n) else []
-    # Branches of one frequency have theirs at the same numbers, but for rounding
+    # Degenerate branches have equal wave numbers up to rounding; the order must not depend on it
     return sorted(found, key=lambda each: (round(each.wavenumber / most, 9), each.kind, each.branch, each.target))
 
 
 class _Forces(NamedTuple):
-    """Modes at k (N, I) and at 2k (N, J), and the force of each wave on each branch at 2k (N, I, J)."""
+    """Modes at N wave vectors k (N, I) and at 2k (N, J), with the force of each wave on each branch at 2k (N, I, J)."""
 
     waves: Modes
     targets: Modes
     force: Complexes
 
     def chosen(self, n: Integers, branch: Integers, target: Integers) -> "_Forces":
-        """Return pairs (M,) of a branch and its target as (M, 1), (M, 1) and (M, 1, 1)."""
+        """Return M pairs of a branch and its target, with shapes (M, 1), (M, 1) and (M, 1, 1)."""
         waves, targets = (
             Modes._make(each[n, which, None] for each in modes)
             for modes, which in ((self.waves, branch), (self.targets, target))
@@ -125,7 +128,7 @@ class _Forces(NamedTuple):
         return _Forces(waves, targets, self.force[n, branch, target, None, None])
 
     def unlike(self) -> NDArray[np.bool_]:
-        """Return from which wave numbers to the next a wave or a target has no mode like itself, (N − 1,)."""
+        """Return the steps (N − 1,) over which a wave or a target has no similar mode at the next wave number."""
         return np.logical_or(
             *(
                 np.any(np.abs(_likest(each.duals[:-1], each.shapes[1:])[0]) < _ALIKE, axis=-1)
@@ -134,7 +137,7 @@ class _Forces(NamedTuple):
         )
 
     def inserted(self, place: Integers, more: "_Forces") -> "_Forces":
-        """Return these with others inserted before places."""
+        """Return these forces with others inserted before the given places."""
         waves, targets = (
             Modes._make(np.insert(one, place, other, axis=0) for one, other in zip(each, others, strict=True))
             for each, others in ((self.waves, more.waves), (self.targets, more.targets))
@@ -142,7 +145,7 @@ class _Forces(NamedTuple):
         return _Forces(waves, targets, np.insert(self.force, place, more.force, axis=0))
 
     def after(self, step: int) -> Complexes:
-        """Return the forces (N − step, I, J) some wave numbers later, in the phases of the modes here."""
+        """Return the forces (N − step, I, J) `step` wave numbers later, in the phases of the present modes."""
         wave, branch = _likest(self.waves.duals[:-step], self.waves.shapes[step:])
         answer, target = _likest(self.targets.duals[:-step], self.targets.shapes[step:])
         n = np.arange(len(branch))[:, None, None]
@@ -153,9 +156,10 @@ class _Forces(NamedTuple):
 def _turns(
     now: NDArray[Any], next_one: NDArray[Any], next_two: NDArray[Any], zero: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return what changes its sign by the next wave number, (N − 1, I, J), and what does so by the next but one.
+    """Return where values change sign before the next wave number (N − 1, I, J), and before the next but one.
 
-    The latter (N − 2, I, J) is what is 0 at the next one, where its sign is rounding. What only touches 0 changes none.
+    The second result (N − 2, I, J) concerns values that are 0 at the next wave number, where their sign is rounding. A
+    value that touches 0 without crossing does not change sign.
     """
     first, second = (
         (np.abs(now[: len(other)]) > zero) & (np.abs(other) > zero) & ((other * now[: len(other)].conj()).real < 0)
@@ -165,23 +169,23 @@ def _turns(
 
 
 def _likest(duals: Complexes, shapes: Complexes) -> tuple[Complexes, Integers]:
-    """Return the overlaps of modes by their duals (N, I, B, 6) with those of (N, J, B, 6) most like them, and which."""
+    """Return, for modes with duals (N, I, B, 6), the most similar shapes (N, J, B, 6): their overlaps and indices."""
     overlap = np.einsum("nibc,njbc->nij", duals, shapes)
     best = np.argmax(np.abs(overlap), axis=-1)
     return np.take_along_axis(overlap, best[..., None], axis=-1)[..., 0], best
 
 
 def _in_phase(force: Complexes, wave: Complexes, answer: Complexes) -> Complexes:
-    """Return forces in the phases of earlier modes, which have these overlaps with the waves and the answers now.
+    """Return forces in the phases of earlier modes, from the overlaps of these with the present waves and targets.
 
-    They are real multiples of the earlier ones, unless their phase turns.
+    The result is a real multiple of the earlier force unless its phase turns.
     """
     return force * wave.conj() ** 2 * answer
 
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """Wave vectors q·along of a crystal; pairs (N,) of a branch and its target are looked at side by side."""
+    """Line of wave vectors q·along in a crystal; methods treat pairs (N,) of a branch and its target together."""
 
     crystal: Crystal
     along: Floats
@@ -191,7 +195,7 @@ class _Line:
         return Mixed(self.crystal, one, one)
 
     def grid(self, numbers: Floats) -> tuple[Floats, _Forces]:
-        """Return all at wave numbers, and at more of them where a mode is not like any at the next."""
+        """Return wave numbers and their forces, with more wave numbers where a mode is unlike all modes at the next."""
         found = self.at(numbers)
         for _ in range(_HALVINGS):
             if not np.any(unlike := found.unlike()):
@@ -202,7 +206,7 @@ class _Line:
         return numbers, found
 
     def at(self, numbers: Floats) -> _Forces:
-        """Return all modes at k and 2k, and the forces on these."""
+        """Return all modes at k and 2k, and the forces on the modes at 2k."""
         k = np.multiply.outer(numbers, self.along)
         modes = self.crystal.modes(k)
         every = Wave(k[:, None], modes.frequencies, modes.shapes)
@@ -210,7 +214,7 @@ class _Line:
         return _Forces(modes, Modes._make(each[:, 0] for each in pairs.targets), pairs.steady)
 
     def resonances(self, branch: Integers, target: Integers, low: Floats, high: Floats, loudest: float) -> list[Match]:
-        """Return the resonances of pairs between two wave numbers where the detuning has different signs."""
+        """Return the resonances of pairs, each between two wave numbers at which the detuning has different signs."""
 
         def gap(number: Floats, branch: Integers, target: Integers) -> Floats:
             k, each = np.multiply.outer([1.0, 2.0], np.multiply.outer(number, self.along)), np.arange(len(number))
@@ -225,7 +229,10 @@ class _Line:
         return [one if one.rate else replace(one, forbidden=self.selection(one)) for one in found]
 
     def antiresonances(self, start: _Forces, low: Floats, high: Floats, loudest: float) -> list[Match]:
-        """Return where pairs that have a force (N, 1, 1) at the low wave number have none, up to the high one."""
+        """Return the antiresonances of pairs, each between two wave numbers at which the force has different signs.
+
+        start : modes and forces of the pairs at the lower wave number.
+        """
 
         def force(number: Floats, begun: Integers) -> Floats:
             share = self.followed(number, start, begun)[0] / start.force[begun, 0, 0]
@@ -235,13 +242,14 @@ class _Line:
         number = _crossings(force, low, high, every)
         left, branch, target, frequency = self.followed(number, start, every)
         found = _listed("antiresonance", number, branch, target, frequency, np.zeros(len(number)))
-        # Others are another branch beyond a crossing, or a force whose phase turns
+        # All other roots belong to another branch beyond a crossing, or to a force whose phase turns
         return [found[n] for n in np.flatnonzero(np.abs(left) <= _SILENT * loudest)]
 
     def followed(self, number: Floats, start: _Forces, begun: Integers) -> tuple[Complexes, Integers, Integers, Floats]:
-        """Return the forces (M,) of pairs that began as (M,) of the start, in the phases there.
+        """Return the pairs `begun` (M,) of the start, continued to other wave numbers (M,).
 
-        Then follow their branches and targets here, and the frequencies of the waves.
+        Results, each (M,): forces in the phases of the start, branches and targets at the new wave numbers, and
+        frequencies of the waves.
         """
         k = np.multiply.outer(number, self.along)
         modes = self.crystal.modes(k)
@@ -253,7 +261,7 @@ class _Line:
         return _in_phase(force, wave, answer)[:, 0], branch[:, 0], target[:, 0], one.frequency
 
     def selection(self, match: Match) -> str:
-        """Return which mirror forbids that a wave drives a branch at 2k, as a sentence for the table of resonances."""
+        """Return the rule by which a wave cannot drive a branch at 2k, as text for the table of resonances."""
         pair = self.doubled(match.wavenumber, match.branch)
         answer = chosen(pair.targets, pair.wavevector, match.target)
         for mirror in mirrors(self.crystal):
@@ -265,14 +273,14 @@ class _Line:
 
 
 def _crossings(function: Callable[..., Floats], low: Floats, high: Floats, *pairs: Integers) -> Floats:
-    """Return where functions of a number and what says which pair it is cross 0, each between two numbers, (N,)."""
+    """Return the zeros (N,) of functions of a wave number and the indices of a pair, each between low and high."""
     from scipy.optimize.elementwise import find_root  # slow to import, and only a search needs it
 
     return np.asarray(find_root(function, (low, high), args=pairs, tolerances={"xatol": 0.0, "xrtol": 1e-14}).x)
 
 
 def _listed(kind: str, *columns: NDArray[Any]) -> list[Match]:
-    """Return matches of one kind, from the columns of their other attributes."""
+    """Return the matches of one kind from the columns of their other attributes."""
     return [Match(kind, *row) for row in zip(*(each.tolist() for each in columns), strict=True)]
 
 

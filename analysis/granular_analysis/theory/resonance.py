@@ -1,39 +1,41 @@
-"""Near the resonance 2Ω_TR(ξ) ≈ Ω_L(2ξ): the few waves that exchange energy, and equations for their amplitudes.
+"""Amplitude equations of the waves that exchange energy near the resonance 2Ω_TR(ξ) ≈ Ω_L(2ξ).
 
-Second order breaks where the wave it generates is a free wave, because it keeps the fundamental as it was. Here the
-amplitudes follow the energy. A wave of harmonic m and one branch, in the infinite lattice and in units of Δ0, is
+Second order breaks where it generates a free wave, because it leaves the fundamental unchanged. Here the amplitudes
+follow the exchange of energy. A wave of harmonic m on one branch, in the infinite lattice and in units of Δ0, is
 
     (p, q, φ) = Re A v e^{imξn},    A' = −iωA + (forces of the other waves),    v = (P, Q, if),
 
-with ω > 0 if it runs forward and ω < 0 if backward. The forces are those of second and third order between the waves,
-N(v_i, v_j) and C(v_i, v_j, v_l) of `granular_analysis.theory.bonds`, for the contact and the fundamental at hand:
+with ω > 0 for a forward and ω < 0 for a backward wave. The forces between the waves are the second- and third-order
+forces N(v_i, v_j) and C(v_i, v_j, v_l) of `granular_analysis.theory.bonds`, for the given contact and fundamental:
 
     A_k' = −iω_k A_k + (i/2ω_k v_k†Mv_k) v_k†[½ N(v_i, v_j) A_i A_j + ¼ C(v_i, v_j, v_l) A_i A_j A_l]
 
-summed over all waves and their conjugates (m, ω, A, v → −m, −ω, Ā, v̄) with m_k = m_i + m_j (+ m_l). `quadratic` and
-`cubic` are their coefficients.
+The sum is over all waves and their conjugates (m, ω, A, v → −m, −ω, Ā, v̄) with m_k = m_i + m_j (+ m_l). `quadratic`
+and `cubic` return the coefficients.
 
-Three of the waves can resonate: those that run with the fundamental and are nearest to 1Ω, 2Ω, 3Ω in harmonic 1, 2, 3.
-For TR near the resonance they are TR(ξ), L(2ξ), RT(3ξ), and *two* exchanges feed them,
+Three of the waves can resonate: in harmonics 1, 2 and 3, the waves that run with the fundamental and are nearest to 1Ω,
+2Ω and 3Ω. For TR near the resonance they are TR(ξ), L(2ξ) and RT(3ξ), and *two* exchanges feed them:
 
-    TR(ξ) + TR(ξ) ↔ L(2ξ)   and   TR(ξ) + L(2ξ) ↔ RT(3ξ)     (out of tune by −6.77e-4 and 1.72e-3 at ξ=1.475, ν=0.17),
+    TR(ξ) + TR(ξ) ↔ L(2ξ)   and   TR(ξ) + L(2ξ) ↔ RT(3ξ)     (detuned by −6.77e-4 and 1.72e-3 at ξ=1.475, ν=0.17)
 
-so that `two_mode`, the first alone and in closed form, is good only until L(2ξ) has grown (τ ≈ 300 at a = 0.2), and
-what is seen in φ is RT(3ξ). `three_mode` has both. All other waves (harmonics to 6 = 3+3, other branches, backward)
-never grow: they are slaved to products of the three, A_k = Z_k + Σ W_kij Z_i Z_j, and the start launches them free
-once. Slaving acts back on the three at third order, like the cubic springs; this shifts their frequencies.
+`two_mode` has only the first exchange, in closed form. It is good until L(2ξ) has grown (τ ≈ 300 at a = 0.2), and it
+lacks RT(3ξ), which φ shows. `three_mode` has both exchanges. All other waves (harmonics up to 6 = 3+3, other branches,
+backward waves) never grow: they are slaved to products of the three, A_k = Z_k + Σ W_kij Z_i Z_j, and the start
+launches each once as a free wave. The slaved waves act back on the three at third order, like the cubic springs, which
+shifts the frequencies of the three:
 
     Z_k' = −iω_k Z_k + Σ N_kij Z_i Z_j + Σ [N_kijl + 2Σ_s N_kis W_sjl] Z_i Z_j Z_l
     W_kij = N_kij/(i(ω_k − ω_i − ω_j))
 
-with i, j, l among the three and their conjugates, k one of the three, and s any other wave. This is Poincaré's normal
-form with exactly those terms kept that stay constant if the three run at Ω, 2Ω, 3Ω. Keeping a term that does not is no
-error in the long run, so there is no threshold for "near": off resonance the same equations hold second order and the
-frequency shift, with another error of order a² in p: mostly smaller than that of second order, but larger near the ends
-of the zone (test_near_the_ends_of_the_zone_three_waves_are_worse_in_p_than_second_order).
+Here i, j, l are among the three and their conjugates, k is one of the three, and s is any other wave. This is
+Poincaré's normal form, with exactly the terms that stay constant if the three run at Ω, 2Ω and 3Ω. Keeping a term that
+is not constant causes no error in the long run, so no threshold defines "near". Off resonance the same equations
+contain second order and the frequency shift. Their error of p is of order a² too: it is mostly smaller than the error
+of second order, but larger near the ends of the zone
+(test_near_the_ends_of_the_zone_three_waves_are_worse_in_p_than_second_order).
 
-What is left out: slaved waves of third order, which dominate at early τ as a², and the fourth order, which detunes the
-exchange and dominates at late τ, as a³τ on resonance (a⁴τ off it).
+Left out are slaved waves of third order, whose error a² dominates at early τ, and the fourth order, which detunes the
+exchange and dominates at late τ, as a³τ on resonance and a⁴τ off resonance.
 """
 
 from dataclasses import dataclass
@@ -53,15 +55,20 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Indices = NDArray[np.intp]
 
-HARMONICS = 6  # as far as products of two of the three waves reach
-TRANSLATION = 1e-9  # rad; stands for wavenumber 0, where Ω = 0 and no force acts on the mode
+HARMONICS = 6  # highest harmonic of a product of two of the three waves
+TRANSLATION = 1e-9  # rad; replaces wavenumber 0, where Ω = 0 and no force acts on the mode
 
 
 @dataclass(frozen=True)
 class Waves:
     """Linear waves of harmonics 1 … 6 of a fundamental, followed by their conjugates in the same order: K in all.
 
-    harmonic (K,): m. linear: ω (K,) and U of amplitude 1 in the crystal. shape (K, 3): v = (P, Q, if).
+    Attributes
+    ----------
+    crystal : crystal of the fundamental.
+    harmonic : (K,) m.
+    linear : waves of the crystal, with ω (K,) and U of amplitude 1.
+    shape : (K, 3) v = (P, Q, if).
     """
 
     crystal: Crystal
@@ -75,13 +82,13 @@ class Waves:
         return self.linear.frequency
 
     def strain(self, which: Indices, axis: int, axes: int) -> Strain:
-        """Return the deformation of the contacts in some waves, along one of several axes of products of waves."""
+        """Return the deformation of the contacts in chosen waves, placed along one axis of a product of waves."""
         strain = self.crystal.bonds.strain(self.linear.shape[which], self.linear.wavevector[which])
         place = tuple(slice(None) if each == axis else None for each in range(axes))
         return Strain(*(part[place] for part in strain))
 
     def rates(self, k: Indices, ends: Complexes, harmonic: Indices) -> Complexes:
-        """Return the rates of the waves k, in front, by forces at the ends of contacts at these harmonics (...)."""
+        """Return the rates (k, ...) of the waves k, from forces at the ends of contacts at these harmonics (...)."""
         first = self.linear.wavevector[0]
         force = self.crystal.bonds.gather(ends, np.multiply.outer(harmonic, first), 1)
         shape = self.linear.shape[k]
@@ -93,9 +100,12 @@ class Waves:
 
 
 def waves(fundamental: Wave) -> Waves:
-    """Return all waves a fundamental can drive, by symmetry: L for L; L in even and TR, RT in odd harmonics otherwise.
+    """Return all waves that symmetry allows a fundamental to drive.
 
-    Raises ValueError for a wave that does not run along y, for dashpots, and for the incremental law.
+    An L wave drives L waves. TR and RT waves drive L in even harmonics, and TR and RT in odd harmonics; there is no RT
+    if spheres do not turn.
+
+    Raises ValueError for a wave that does not run along y, for dashpots, and for every shear law except "secant".
     """
     refuse_oblique(fundamental.mode)
     contact, xi = fundamental.contact, fundamental.mode.wavenumber
@@ -119,7 +129,7 @@ def waves(fundamental: Wave) -> Waves:
 
 
 def quadratic(waves: Waves, k: Indices, i: Indices, j: Indices) -> Complexes:
-    """Return N_kij, (k, i, j): the rate of A_k is Σ_ij N_kij A_i A_j. Symmetric, and zero unless m_k = m_i + m_j."""
+    """Return N_kij, (k, i, j), symmetric in i, j: the rate of A_k is Σ_ij N_kij A_i A_j; 0 unless m_k = m_i + m_j."""
     one, two = waves.strain(i, 0, 2), waves.strain(j, 1, 2)
     frequencies = waves.frequency[i][:, None], waves.frequency[j]
     running = waves.crystal.bonds.quadratic(one, two, frequencies).running
@@ -127,7 +137,7 @@ def quadratic(waves: Waves, k: Indices, i: Indices, j: Indices) -> Complexes:
 
 
 def cubic(waves: Waves, k: Indices, i: Indices, j: Indices, l: Indices) -> Complexes:  # noqa: E741 (of N_kijl)
-    """Return N_kijl, (k, i, j, l), of the springs alone: the rate of A_k is Σ_ijl N_kijl A_i A_j A_l."""
+    """Return N_kijl, (k, i, j, l), from the springs alone: the rate of A_k is Σ_ijl N_kijl A_i A_j A_l."""
     ends = waves.crystal.bonds.cubic(*(waves.strain(each, axis, 3) for axis, each in enumerate((i, j, l))))
     harmonic = np.add.outer(waves.harmonic[i], np.add.outer(waves.harmonic[j], waves.harmonic[l]))
     return 0.25 * waves.rates(k, ends, harmonic)
@@ -135,11 +145,15 @@ def cubic(waves: Waves, k: Indices, i: Indices, j: Indices, l: Indices) -> Compl
 
 @dataclass(frozen=True)
 class NormalForm:
-    """Equations of the three waves, written for (Z_1, Z_2, Z_3, Z̄_1, Z̄_2, Z̄_3), and what follows them.
+    """Equations of the three resonant waves, written for (Z_1, Z_2, Z_3, Z̄_1, Z̄_2, Z̄_3), and of the slaved waves.
 
-    waves : every wave; three (3,): which of them are the resonant ones, in harmonics 1, 2, 3.
-    quadratic (3, 6, 6), cubic (3, 6, 6, 6): coefficients of the products of two and three in the rate of Z_k.
-    slaved (K/2, 6, 6): W_kij, coefficients in A_k of the products of two; zero for the three.
+    Attributes
+    ----------
+    waves : all waves.
+    three : (3,) indices of the resonant waves in harmonics 1, 2, 3.
+    quadratic : (3, 6, 6) coefficients of the products of two in the rate of Z_k.
+    cubic : (3, 6, 6, 6) coefficients of the products of three in the rate of Z_k.
+    slaved : (K/2, 6, 6) W_kij, coefficients of the products of two in A_k; zero for the three.
     """
 
     waves: Waves
@@ -150,9 +164,9 @@ class NormalForm:
 
 
 def normal_form(wave: Wave) -> NormalForm:
-    """Return the equations of the module for a fundamental of any ξ; on its resonance nothing in them is singular.
+    """Return the equations of the module for a fundamental at any ξ; they are regular on its resonance.
 
-    Breaks where one of the waves that are not of the three happens to resonate too: W is then large.
+    When it breaks: if a wave outside the three happens to resonate too, W is large.
     """
     every, mode = waves(wave), wave.mode
     m, omega = every.harmonic, every.frequency
@@ -170,10 +184,10 @@ def normal_form(wave: Wave) -> NormalForm:
 
 
 def amplitudes(form: NormalForm, amplitude: float, tau: ArrayLike) -> Complexes:
-    """Z_1, Z_2, Z_3 in Δ0, (3, …) of the shape of tau, from Z = (a, 0, 0) at τ=0, without the factors e^{−imΩτ}.
+    """Return Z_1, Z_2, Z_3 in Δ0 at times τ (...), as (3, ...), without the factors e^{−imΩτ}; Z = (a, 0, 0) at τ = 0.
 
-    In that frame the equations are autonomous, because every term kept has m_k = m_i + m_j (+ m_l); near the resonance
-    they are slow too.
+    In this frame the equations are autonomous, because every kept term has m_k = m_i + m_j (+ m_l); near the resonance
+    they are also slow.
 
     Raises ValueError for a negative time, RuntimeError if the waves grow without bound (gh > 0, see `two_mode`).
     """
@@ -193,8 +207,8 @@ def amplitudes(form: NormalForm, amplitude: float, tau: ArrayLike) -> Complexes:
         return linear * z + second @ pairs + third @ (six[:, None] * pairs).ravel()
 
     start = np.array([amplitude, 0, 0], dtype=complex)
-    # Each wave is of the order of its harmonic in a. Off resonance Z_2 and Z_3 turn fast and stay small: their error is
-    # to be measured against them, not against the fundamental.
+    # Z_m is of order a^m. Off resonance Z_2 and Z_3 rotate fast and stay small, so their tolerances must be relative to
+    # themselves, not to the fundamental.
     tolerance = 1e-12
     scale = abs(amplitude) ** np.array([1, 2, 3])
     solution = solve_ivp(
@@ -206,17 +220,17 @@ def amplitudes(form: NormalForm, amplitude: float, tau: ArrayLike) -> Complexes:
 
 
 def three_mode(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats, Floats, Floats]:
-    """Return p, q, φ in units of D0: three resonant waves, the slaved ones, and those the start sets free.
+    """Return p, q, φ in units of D0 at times τ (...): the three resonant, the slaved, and the launched free waves.
 
-    The start has A_1 = a and every other wave at rest, so Z = (a, 0, 0), and of the slaved waves free ones remain:
+    At the start A_1 = a and all other waves are at rest, so Z = (a, 0, 0), and each slaved wave launches a free wave:
 
         A_k(τ) = Σ W_kij Z_i Z_j − e^{−iω_kτ} [Σ W_kij Z_i Z_j]_{τ=0}
 
-    Raises what `waves` and `amplitudes` raise. With overlap_ratio η > 0 corrections of relative order η are missing in
-    the coefficients (2.5e-4 for the paper's spheres), which shows near the antiresonance only.
+    Raises the errors of `waves` and `amplitudes`. For an overlap ratio η > 0 the coefficients lack corrections of
+    relative order η (2.5e-4 for the paper's spheres), which matters only near the antiresonance.
 
-    Breaks near the antiresonance in p, which is of order a⁴ there, and for L waves that steepen into more than three
-    harmonics.
+    When it breaks: in p near the antiresonance, where p is of order a⁴, and for L waves that steepen into more than
+    three harmonics.
     """
     form, mode, amplitude = normal_form(wave), wave.mode, wave.amplitude
     every, count = form.waves, len(form.slaved)
@@ -238,22 +252,22 @@ def three_mode(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats, Floa
 
 
 def two_mode_amplitudes(wave: Wave, tau: ArrayLike) -> tuple[Complexes, Complexes]:
-    """Return A and B, in D0, of the fundamental A e^{−iΩτ} and the L wave B e^{−iw̃τ} at 2ξ that it feeds.
+    """Return A and B (...), in D0, of the fundamental A e^{−iΩτ} and of the L wave B e^{−iw̃τ} at 2ξ that it feeds.
 
         A' = −ah ĀB e^{iδτ},   B' = −ag A²e^{−iδτ},   δ = 2Ω − w̃,   A(0) = 1, B(0) = 0
 
         B = sgn(ah) √(−g/h) v sn(rτ/v | v⁴) e^{−iδτ/2},   A² = −B' e^{iδτ}/(ag)
         r = |a|√(−gh),   v = √(1+S²/4) − |S|/2,   S = δ/2r
 
-    On resonance v = 1, B ∝ tanh rτ and A = sech rτ: the fundamental dies. Off resonance it comes back. Errors as in
-    `two_mode`.
+    On resonance v = 1, B ∝ tanh rτ and A = sech rτ: the fundamental vanishes. Off resonance it returns. Errors raised
+    and limits are those of `two_mode`.
     """
     from scipy.special import ellipj  # slow to import, and only the closed form needs it
 
     g, h = exchange(normal_form(wave))
     amplitude, mode = wave.amplitude, wave.mode
     if g * h >= 0:
-        raise ValueError(f"the exchange at wavenumber = {mode.wavenumber} has g h = {g * h:.3g} >= 0: it is explosive")
+        raise ValueError(f"the exchange at wavenumber = {mode.wavenumber} is explosive: g h = {g * h:.3g} >= 0")
     tau = np.asarray(tau, dtype=float)
     delta = 2 * mode.frequency - wave.free_frequency
     rate = abs(amplitude) * np.sqrt(-g * h)
@@ -262,7 +276,7 @@ def two_mode_amplitudes(wave: Wave, tau: ArrayLike) -> tuple[Complexes, Complexe
     sn, cn, dn, turn = ellipj(rate * tau / v, v**4)
     peak = np.sqrt(-g / h) * v
     B = np.sign(h) * peak * sn * np.exp(-0.5j * delta * tau) * np.sign(amplitude)
-    # A² e^{−iδτ/2}; its argument, without jumps of 2π, winds once with every period of sn, as `turn` does.
+    # A² e^{−iδτ/2}. Its argument without jumps of 2π advances by 2π with every period of sn, as `turn` does.
     square = peak / abs(g * amplitude) * (rate / v * cn * dn - 0.5j * abs(delta) * sn)
     angle = np.angle(square)
     angle -= 2 * np.pi * np.round((angle + turn) / (2 * np.pi))
@@ -271,19 +285,19 @@ def two_mode_amplitudes(wave: Wave, tau: ArrayLike) -> tuple[Complexes, Complexe
 
 
 def exchange(form: NormalForm) -> tuple[float, float]:
-    """Return g and h of `two_mode_amplitudes`: the rates at which the fundamental feeds the wave at 2ξ, and pays."""
+    """Return g and h of `two_mode_amplitudes`: the rates of gain of the wave at 2ξ and of loss of the fundamental."""
     return -float(form.quadratic[1, 0, 0].real), -2 * float(form.quadratic[0, 3, 1].real)
 
 
 def two_mode(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats, Floats, Floats]:
-    """Return p, q, φ in D0 of the fundamental and the L wave it feeds, by `two_mode_amplitudes`.
+    """Return p, q, φ in D0 at times τ (...): the fundamental and the L wave that it feeds, by `two_mode_amplitudes`.
 
-    Raises ValueError where gh ≥ 0 (TR at its resonance for ν < −0.541): A and B grow together, and no elliptic function
-    of a real modulus describes it. `three_mode` integrates that.
+    Raises ValueError where gh ≥ 0 (TR at its resonance for ν < −0.541): A and B then grow together, which no elliptic
+    function of a real modulus describes. `three_mode` integrates that case.
 
-    Breaks when RT(3ξ) has grown, which this knows nothing of: |A| is right within 5 % until τ=304 and within 10 % until
-    361 at ξ=1.475, a = 0.2, ν=0.17. p lacks the backward free wave, which matters while B is small; off resonance it is
-    no better than second order, in p worse.
+    When it breaks: once RT(3ξ), which this form lacks, has grown. At ξ=1.475, a = 0.2, ν=0.17, |A| is right within 5 %
+    until τ=304 and within 10 % until τ=361. p lacks the backward free wave, which matters while B is small. Off
+    resonance the form is no better than second order, and in p it is worse.
     """
     tau, mode = np.asarray(tau, dtype=float), wave.mode
     A, B = two_mode_amplitudes(wave, tau)

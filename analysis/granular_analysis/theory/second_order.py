@@ -1,25 +1,27 @@
-"""Second order of any wave, or of any two, in any periodic crystal: forced and free waves, and the signal from τ = 0.
+"""Second order of one or several waves in any periodic crystal: forced and free waves, and the signal from t = 0.
 
-The crystal (`granular_analysis.theory.crystal`) has contacts whose forces are known to second order
-(`granular_analysis.theory.bonds`). A field of real waves Re[A U e^{i(k·r − ωt)}] then has, to second order, at every
-sum and difference (K, Ω) of two of them, each wave with itself among them,
+The contacts of the crystal (`granular_analysis.theory.crystal`) have forces to second order
+(`granular_analysis.theory.bonds`). Real waves Re[A U e^{i(k·r − ωt)}] generate a second-order field at every sum and
+difference (K, Ω) of two waves, including each wave with itself:
 
-    M X″ = −D(K) X + F e^{−iΩt} + F₀ + F_w ∫₀ᵗ e^{−iΩs} ds,       X = X′ = 0 at t = 0,
+    M X″ = −D(K) X + F e^{−iΩt} + F₀ + F_w ∫₀ᵗ e^{−iΩs} ds,       X = X′ = 0 at t = 0
 
-with what the products of two make that run (F), that the start leaves in the contacts (F₀) and that winds up where two
-waves are out of phase in a contact whose slip has a history (F_w). Of this follow
+F is the force that runs with the product of the two waves, and F₀ the static force that the start leaves in the
+contacts. F_w is the force that winds up where the waves are out of phase in a contact whose slip has a history. The
+solution consists of
 
 * the forced wave X e^{−iΩt}, X = [D(K) − Ω²M]⁻¹F: second harmonic, static, sum and difference fields;
-* the free waves of the modes at K, which the start launches because X must vanish there (`free_waves`);
-* the signal: each mode j of D(K) answers with Z_j(t) = ∫₀ᵗ sin(ω_j(t−s))/ω_j e^{−iΩs} ds, regular on resonance.
+* the free waves of the modes at K, which the start launches because X must vanish at t = 0 (`free_waves`);
+* their sum, the signal: mode j of D(K) responds with Z_j(t) = ∫₀ᵗ sin(ω_j(t−s))/ω_j e^{−iΩs} ds, regular on resonance.
 
-**Rigid motions** at K = 0 are driven by no contact, and stay. **Degenerate branches** need no care in an answer, which
-is a sum over all; for a wave that is given, `wave` takes the polarisation.
+**Rigid motions** at K = 0 are driven by no contact and stay 0. **Degenerate branches** need no care in the response,
+which is a sum over all modes; for an incident wave, `wave` takes the polarisation.
 
-Everything is in the units of the crystal. Amplitudes multiply modes whose Σ|U|² is the number of spheres of a cell.
+All quantities are in the units of the crystal. Amplitudes multiply modes whose Σ|U|² is the number of spheres per cell.
 
-When it breaks: where contacts open or slide; where the second order is no longer small, as for long on a resonance;
-where slip winds up, for long (`Mixed.creep`). It knows no third order: frequencies do not shift. `validity` estimates.
+When it breaks: if contacts open or slide; once the second order is no longer small, as after a long time on a resonance
+or where slip winds up (`Mixed.creep`). Third order is left out, so frequencies do not shift.
+`granular_analysis.theory.validity` estimates these limits.
 """
 
 from collections.abc import Sequence
@@ -38,11 +40,11 @@ from granular_analysis.theory.errors import TheoryError
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-_DEGENERATE = 1e-9  # frequencies within this share of the highest are one
+_DEGENERATE = 1e-9  # frequencies that differ by less than this share of the highest are degenerate
 RIGID = 1e-7  # frequencies below this share of the highest are 0
-_STILL = 1e-5  # rad: what turns by less has not turned, to 1e-10
-_NOTHING = 1e-13  # share of a start that is rounding
-_IN_PHASE = 1e-12  # share of the forces that winds up which is rounding
+_STILL = 1e-5  # rad: a phase below this is 0, with an error of 1e-10
+_NOTHING = 1e-13  # shares of a start below this are rounding
+_IN_PHASE = 1e-12  # a force that winds up is rounding if below this share of the others
 
 
 class Wave(NamedTuple):
@@ -53,30 +55,30 @@ class Wave(NamedTuple):
     shape: Complexes
 
     def times(self, amplitude: ArrayLike) -> "Wave":
-        """Return the wave times an amplitude, complex for a phase."""
+        """Return the wave multiplied by an amplitude (...), complex for a phase."""
         return self._replace(shape=self.shape * np.asarray(amplitude)[..., None, None])
 
     @property
     def reversed(self) -> "Wave":
-        """Return the same real wave, written with −k and −ω, as a difference needs it."""
+        """Return the same real wave, written with −k and −ω, to form the difference of two waves."""
         return Wave(-self.wavevector, -self.frequency, self.shape.conj())
 
 
 def together(waves: Sequence[Wave]) -> Wave:
-    """Return single waves as one, side by side."""
+    """Return single waves stacked along a first axis."""
     return Wave(*map(np.stack, zip(*waves, strict=True)))
 
 
 def branch_of(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike) -> Wave:
-    """Return the wave of a branch at wave vectors (..., 2 or 3); of branches of one frequency some mixture.
+    """Return the wave of a branch at wave vectors (..., 2 or 3); an arbitrary mixture if branches are degenerate.
 
-    Raises ValueError for a branch that is not there.
+    Raises ValueError for a branch that does not exist.
     """
     return chosen(crystal.modes(wavevector), wavevector, branch)
 
 
 def chosen(modes: Modes, wavevector: ArrayLike, branch: ArrayLike) -> Wave:
-    """Return the wave of a branch of the modes at wave vectors (..., 2 or 3); see `branch_of`."""
+    """Return the wave of a branch from the modes at wave vectors (..., 2 or 3); see `branch_of`."""
     k = padded(wavevector)
     count, index = modes.frequencies.shape[-1], np.asarray(branch)
     if not set(index.ravel().tolist()) <= set(range(count)):
@@ -93,13 +95,13 @@ def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: A
 
     Parameters
     ----------
-    along : (6,) or (B, 6); of branches of one frequency the wave is the share of this shape (u, φ) in them
+    along : (6,) or (B, 6) polarisation (u, φ): the wave is the part of it that lies in the branches of this frequency
 
     Raises
     ------
     ValueError
-        For a branch that is not there, one of several of one frequency and parity without `along`, and an `along` that
-        has nothing of them.
+        For a branch that does not exist, for a branch that has the frequency and parity of another if `along` is
+        missing, and for an `along` without a share in the branch.
     """
     modes = crystal.modes(wavevector)
     plain = chosen(modes, wavevector, branch)
@@ -107,7 +109,7 @@ def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: A
     if along is None:
         alike = crystal.parity(modes.shapes, padded(wavevector)) == crystal.parity(plain.shape, wavevector)[..., None]
         if np.any((same & alike).sum(axis=-1) > 1):
-            raise TheoryError(f"branch {branch!r} has the frequency of another one: give `along`, its polarisation")
+            raise TheoryError(f"branch {branch!r} has the frequency of another branch: give `along`, the polarisation")
         return plain
     wanted = np.broadcast_to(np.asarray(along, dtype=complex), (len(crystal), 6))
     shares = np.where(same, np.sum(modes.duals * wanted, axis=(-2, -1)), 0.0)
@@ -121,10 +123,10 @@ def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: A
 def started(crystal: Crystal, wavevector: ArrayLike, displacement: Complexes, velocity: Complexes) -> tuple[Wave, ...]:
     """Return the waves of a field that starts as Re[U e^{ik·r}] with the velocity Re[V e^{ik·r}], (B, 6) each.
 
-    Every branch has one that runs along k and one against it, ½(c ± i ċ/ω) of its shares c and ċ. Those that have
-    nothing are left out.
+    Every branch has one wave that runs along k and one against it, with the amplitudes ½(c ± i ċ/ω), where c and ċ are
+    the shares of the branch in U and V. Waves of amplitude 0 are left out.
 
-    Raises ValueError for a rigid motion that moves: a wave of frequency 0 has no velocity.
+    Raises ValueError if the start gives a velocity to a rigid motion, which cannot be a wave.
     """
     k = padded(wavevector)
     modes = crystal.modes(k)
@@ -134,7 +136,7 @@ def started(crystal: Crystal, wavevector: ArrayLike, displacement: Complexes, ve
     for j, frequency in enumerate(modes.frequencies):
         if frequency < RIGID * crystal.highest:
             if abs(rate[j]) > least * crystal.highest:
-                raise TheoryError(f"branch {j} at wave vector {k} does not oscillate, and the start moves it")
+                raise TheoryError(f"branch {j} at wave vector {k} has frequency 0, but the start gives it a velocity")
             parts = [(0.0, place[j])]
         else:
             turned = 1j * rate[j] / frequency
@@ -145,13 +147,14 @@ def started(crystal: Crystal, wavevector: ArrayLike, displacement: Complexes, ve
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The response of a crystal, in the long run, to forces F e^{i(K·r − Ωt)} (..., B, 6) on its spheres.
+    """Steady response of a crystal to forces F e^{i(K·r − Ωt)} on its spheres.
 
     Attributes
     ----------
-    targets : the modes at K (..., 3).
+    crystal : the crystal.
+    targets : modes at K (..., 3).
     frequency : Ω (...), of either sign.
-    force : F.
+    force : F (..., B, 6).
     """
 
     crystal: Crystal
@@ -160,15 +163,15 @@ class Answer:
     force: Complexes
 
     def share(self, force: Complexes) -> Complexes:
-        """Return what each mode at K has of a force (..., B, 6), over its mass, (..., J)."""
+        """Return the share (..., J) of each mode at K in a force (..., B, 6), as an acceleration."""
         return np.sum(self.targets.duals * self.crystal.accelerations(force)[..., None, :, :], axis=(-2, -1))
 
     def forced(self) -> Complexes:
-        """Return X (..., B, 6) of the wave Re X e^{i(K·r − Ωt)}; infinite on a resonance met to the last bit."""
+        """Return X (..., B, 6) of the wave Re X e^{i(K·r − Ωt)}; infinite exactly on resonance."""
         return self.answer(self.share(self.force))
 
     def answer(self, shares: Complexes) -> Complexes:
-        """Return X (..., B, 6) of shares (..., J) that run; rigid motions, which no contact drives, are left out."""
+        """Return X (..., B, 6) for running shares (..., J); rigid motions, which no contact drives, are left out."""
         natural, forcing = self.targets.frequencies, self.frequency[..., None]
         least = RIGID * self.crystal.highest
         rigid = (natural < least) & (np.abs(forcing) < least)
@@ -181,7 +184,7 @@ class Answer:
         return self.rates(self.share(self.force))
 
     def rates(self, shares: Complexes) -> Floats:
-        """Return the growth rates of shares (..., J)."""
+        """Return the growth rates (..., J) |share|/2ω_j on resonance; nan at ω_j = 0."""
         natural = self.targets.frequencies
         runs = natural > RIGID * self.crystal.highest
         return np.divide(np.abs(shares), 2 * natural, out=np.full(shares.shape, np.nan), where=runs)
@@ -189,11 +192,11 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Mixed:
-    """Two waves, and the field that they make at the sum of their wave vectors or, for a reversed one, the difference.
+    """Two waves, and the field at the sum of their wave vectors; with the second wave reversed, at the difference.
 
-    Amplitudes are those of the field Re[X e^{iK·r}] of Re(first)·Re(second), each product once: two waves (first,
-    second) hold each twice, a wave with itself once, so that one wave makes ½ of ``Mixed(crystal, wave, wave)``. Waves
-    (...) are many pairs side by side.
+    Amplitudes X belong to the field Re[X e^{iK·r}] of two different waves, in which each product occurs twice. In a
+    wave with itself each product occurs once, so one wave makes ½ of ``Mixed(crystal, wave, wave)``. Waves of shape
+    (...) are pairs side by side.
     """
 
     crystal: Crystal
@@ -240,27 +243,27 @@ class Mixed:
 
     @cached_property
     def shares(self) -> Quadratic:
-        """Return what each mode at K has of the forces, over its mass: (..., J) of F, F₀ and F_w."""
+        """Return the shares (..., J) of each mode at K in F, F₀ and F_w, as accelerations."""
         return Quadratic(*self._running.share(np.stack(self.forces)))
 
     @cached_property
     def winds(self) -> NDArray[np.bool_]:
-        """True (...) where contacts gather slip in proportion to time, so that nothing is steady."""
-        size = sum(np.abs(each).max(axis=(-3, -2, -1)) for each in self._ends[:2])  # those on spheres may cancel
+        """True (...) where contacts accumulate slip in proportion to time, so that no steady field exists."""
+        size = sum(np.abs(each).max(axis=(-3, -2, -1)) for each in self._ends[:2])  # forces on a sphere may cancel
         wound = np.abs(self.forces.winding).max(axis=(-2, -1))
         still = np.abs(self.frequency) < RIGID * self.crystal.highest
         return still & (wound > _IN_PHASE * self.crystal.highest * size)
 
     @property
     def creep(self) -> Complexes:
-        """Return the velocity (..., B, 6) at which spheres creep as slip winds up, 0 where it does not."""
+        """Return the velocity (..., B, 6) at which spheres creep as slip winds up; 0 elsewhere."""
         return self._running.answer(np.where(self.winds[..., None], self.shares.winding, 0.0))
 
     @cached_property
     def steady(self) -> Complexes:
-        """Return what each mode (..., J) has of all forces e^{−iΩt}, over its mass.
+        """Return the share (..., J) of each mode in all forces e^{−iΩt}, as an acceleration.
 
-        Raises ValueError where contacts wind up.
+        Raises ValueError if slip winds up.
         """
         if np.any(self.winds):
             raise TheoryError("slip winds up: two waves of one frequency are out of phase in a contact; use `signal`")
@@ -269,20 +272,21 @@ class Mixed:
         return running + np.where(still, 0.0, 1j * winding / np.where(still, 1.0, self.frequency[..., None]))
 
     def forced(self) -> Complexes:
-        """Return X (..., B, 6) of the wave Re X e^{i(K·r − Ωt)} that runs with the two; the fields of the start apart.
+        """Return X (..., B, 6) of the wave Re X e^{i(K·r − Ωt)} that runs with the two, without fields from the start.
 
-        Infinite on a resonance that is met to the last bit. Raises ValueError where contacts wind up.
+        It is infinite exactly on resonance. Raises ValueError if slip winds up.
         """
         return self._running.answer(self.steady)
 
     def static(self) -> Complexes:
-        """Return X (..., B, 6) of the field about which spheres move that were let go: forced and left, Ω = 0."""
+        """Return X (..., B, 6) of the static field at Ω = 0 about which released spheres move: from F and F₀."""
         return self._running.answer(self.shares.running + self.shares.left)
 
     def free_waves(self) -> tuple[Complexes, Complexes]:
         """Return the amplitudes (..., J) of the modes at K that the start launches: e^{−iω_j t} and e^{+iω_j t}.
 
-        They cancel forced wave and static field at t = 0; infinite on resonance, where only the sum is finite.
+        They cancel the forced wave and the static field at t = 0. On resonance they are infinite and only the sum is
+        finite.
         """
         natural, forcing = self.targets.frequencies, self.frequency[..., None]
         running, left, winding = self.shares
@@ -294,9 +298,9 @@ class Mixed:
         return -0.5 * forward, -0.5 * backward
 
     def signal(self, time: ArrayLike) -> Complexes:
-        """Return X(t) (..., B, 6) of the field Re[X e^{iK·r}], in a crystal without any at K at t = 0.
+        """Return X(t) (..., B, 6) of the field Re[X e^{iK·r}], in a crystal at rest at K at t = 0.
 
-        time (...) broadcasts against the pairs, so that pairs (P, 1) at times (T,) give (P, T, B, 6).
+        time : (...), broadcast against the pairs: pairs (P, 1) at times (T,) give (P, T, B, 6).
         """
         t = np.asarray(time, dtype=float)[..., None]
         natural, forcing = self.targets.frequencies, self.frequency[..., None]
@@ -309,27 +313,29 @@ class Mixed:
     def growth_rates(self) -> Floats:
         """Return the rate |dual_j·M⁻¹F|/2ω_j at which mode j at K grows on resonance, (..., J); nan at ω_j = 0.
 
-        Off resonance it beats with at most 2·rate/|detuning|. Two waves of one amplitude a would make a third of that
-        amplitude in 1/(rate·a); the estimate ends before, as they pay for it. Raises ValueError where contacts wind up.
+        Off resonance the mode beats, with an amplitude of at most 2·rate/|detuning|. Two waves of amplitude a would
+        generate a third wave of amplitude a in the time 1/(rate·a); the estimate fails earlier, because the two lose
+        that energy. Raises ValueError if slip winds up.
         """
         return self._running.rates(self.steady)
 
     @property
     def detunings(self) -> Floats:
-        """Return |Ω| − ω_j for each mode at K, (..., J); 0 where the two waves are phase-matched with it."""
+        """Return |Ω| − ω_j for each mode at K, (..., J); 0 where the two waves are phase-matched with the mode."""
         return np.abs(self.frequency)[..., None] - self.targets.frequencies
 
 
 def second_order(
     crystal: Crystal, waves: Sequence[Wave], time: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)
 ) -> tuple[Floats, Floats]:
-    """Return first and second order of the waves together, real fields (..., T, B, 6), on the cells at translations.
+    """Return the first and second order of all waves together, real fields (..., T, B, 6), in cells at translations.
 
     Parameters
     ----------
-    waves : single ones; the crystal starts with their sum, and without anything of second order
-    time : (T,)
-    translation : (..., 2 or 3) vectors of the lattice
+    crystal : the crystal
+    waves : single waves with their amplitudes; the crystal starts with their sum, without any second-order field
+    time : (T,), in the unit of the crystal
+    translation : (..., 2 or 3) lattice vectors of the cells
     """
     t, place = np.asarray(time, dtype=float), crystal.position + padded(translation)[..., None, :]
     first = np.zeros((*place.shape[:-2], len(t), len(crystal), 6))
@@ -362,10 +368,10 @@ def duhamel(natural: ArrayLike, forcing: ArrayLike, time: ArrayLike) -> Complexe
 
 
 def wound_up(natural: ArrayLike, forcing: ArrayLike, time: ArrayLike) -> Complexes:
-    """Return ∫₀ᵗ Z(s) ds, the answer to ∫₀ᵗ e^{−iωs} ds, regular everywhere.
+    """Return ∫₀ᵗ Z(s) ds, the response to a force ∫₀ᵗ e^{−iωs} ds, regular everywhere; Z is that of `duhamel`.
 
-    It is i[Z(ω) − Z(0)]/ω where ω > w, and [2E₀ − E₊ − E₋]/2w² elsewhere, E₀ the integral of e^{−iωs} and E± those of
-    e^{±iw(t−s)} e^{−iωs}; t³/6 where both are 0.
+    It is i[Z(ω) − Z(0)]/ω for |ω| > w, and [2E₀ − E₊ − E₋]/2w² otherwise, where E₀ and E± are the integrals of
+    e^{−iωs} and of e^{±iw(t−s)} e^{−iωs}; it is t³/6 if ω = w = 0.
     """
     w, omega, t = np.broadcast_arrays(np.asarray(natural, dtype=float), forcing, np.asarray(time, dtype=float))
     fast, still = np.abs(omega) > w, np.maximum(w, np.abs(omega)) * t < _STILL

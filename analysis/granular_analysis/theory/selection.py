@@ -1,21 +1,21 @@
 """Selection rules: waves that two waves cannot generate because a mirror symmetry of the crystal forbids it.
 
-A mirror reflects displacements and reverses rotations: φ, an axial vector, gets the opposite sign. If it does not
-change a wave vector (up to a reciprocal lattice vector), each mode there is even or odd: in the plane, on a line
-through Γ, L is even, TR and RT are odd. The quadratic forces have the symmetry of the crystal, so what they drive at k1
-± k2 is
+A mirror reflects displacements, and also changes the sign of rotations, because φ is an axial vector. If a mirror does
+not change a wave vector (up to a reciprocal lattice vector), each mode there is even or odd: in the plane, on a line
+through Γ, L is even, TR and RT are odd. The quadratic forces have the symmetry of the crystal, so the driven field at
+k1 ± k2 has
 
-    of the parity of the product,   if the mirror changes neither wave vector:
-                                    even + even → even,  odd + odd → even,  even + odd → odd;
-    even,                           if it exchanges the two waves of a sum, which are then of one branch;
+    the parity of the product,   if the mirror changes neither wave vector:
+                                 even + even → even,  odd + odd → even,  even + odd → odd;
+    even parity,                 if the mirror exchanges the two waves of a sum, which then belong to one branch.
 
-and modes of the other parity at k1 ± k2 are not driven, at any time and for any contact law. For collinear waves along
-y or x of the hexagonal lattice, two L waves generate only L, two shear waves only L, and L with a shear wave only shear
-waves; the sum of two mirrored waves of one branch is L. If the drive does not depend on frequencies, as in the geometry
-and law of the paper, the difference of two mirrored waves is also L, to second order: the second wave then runs
-backward in time, and the mirror normal to it exchanges the two.
+Modes of the other parity at k1 ± k2 are not driven, at any time and for any contact law. For collinear waves along y or
+x of the hexagonal lattice, two L waves generate only L, two shear waves only L, and L with a shear wave only shear
+waves; the sum of two mirrored waves of one branch generates only L. If the drive does not depend on frequencies, as in
+the geometry and law of the paper, the difference of two mirrored waves also generates only L, to second order: the
+second wave then runs backward in time, and the mirror perpendicular to the first mirror exchanges the two.
 
-For a single wave, rules follow for all orders and any amplitude: odd waves along y have q and φ only in odd harmonics.
+For a single wave, the rules hold at all orders and any amplitude: odd waves along y have q and φ only in odd harmonics.
 
 When it breaks: where branches touch, modes have no parity, and nothing is forbidden.
 """
@@ -34,15 +34,15 @@ __all__ = ["forbidden"]
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-# Modes and wave vectors are computed to 1e-15, and modes of branches that lie 1e-6 apart to 1e-9. What is no symmetry
-# misses by more, unless it lies that near to one; an overlap misses by the square.
+# Modes and wave vectors are exact to 1e-15, and modes of branches that are 1e-6 apart to 1e-9. An operation that is not
+# a symmetry differs by more, unless it is this close to one. An overlap differs from 1 by the square.
 SAME = 1e-7
 _WHOLE = 1 - 1e-13
 
 
-@lru_cache(maxsize=1)  # they are asked again for every pair of waves of one crystal
+@lru_cache(maxsize=1)  # every pair of waves in one crystal asks for the mirrors again
 def mirrors(crystal: Crystal) -> tuple[Mirror, ...]:
-    """Return the mirrors of a crystal: each leaves the contacts where they are, or exchanges some two directions."""
+    """Return the mirrors of a crystal; a mirror keeps all directions of contacts, or exchanges two of them."""
     directions = _apart(crystal.bonds.normal)
     sums = (directions[:, None] + directions).reshape(-1, 3), (directions[:, None] - directions).reshape(-1, 3)
     crosses = np.cross(directions[:, None], directions).reshape(-1, 3)
@@ -51,7 +51,7 @@ def mirrors(crystal: Crystal) -> tuple[Mirror, ...]:
 
 
 def forbidden(pair: Mixed) -> NDArray[np.bool_]:
-    """Return whether symmetry forbids a pair of waves to drive each branch at k1 ± k2, (J,).
+    """Return for each branch at k1 ± k2, (J,), whether symmetry forbids a pair of waves to drive it.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def forbidden(pair: Mixed) -> NDArray[np.bool_]:
     """
     crystal, first, second = pair.crystal, pair.first, pair.second
     targets = Wave(pair.wavevector, pair.targets.frequencies, pair.targets.shapes)
-    # A history tells which wave is differentiated
+    # With a history the force also contains time derivatives, which differ between waves of opposite frequency
     exchangeable = not crystal.bonds.has_history or first.frequency * second.frequency > 0
     result = np.zeros(targets.frequency.shape, dtype=bool)
     for mirror in mirrors(crystal):
@@ -71,13 +71,13 @@ def forbidden(pair: Mixed) -> NDArray[np.bool_]:
 
 
 def parity(crystal: Crystal, mirror: Mirror, wave: Wave) -> NDArray[np.intp]:
-    """Return 1 for waves (...) that are even under a mirror, −1 for odd ones, 0 for those that are neither."""
+    """Return the parity (...) of waves under a mirror: 1 for even waves, −1 for odd waves, 0 for all others."""
     share = _share(crystal, mirror, wave, wave).real
     return np.where(np.abs(share) > _WHOLE, np.sign(share), 0).astype(np.intp)
 
 
 def _share(crystal: Crystal, mirror: Mirror, one: Wave, other: Wave) -> Complexes:
-    """Return the overlap (...) of the image of a wave with another; 0 if it has another wave vector."""
+    """Return the overlap (...) of the mirror image of a wave with another wave; 0 if their wave vectors differ."""
     beyond = mirror.reflection @ one.wavevector - other.wavevector
     if np.abs(np.exp(1j * crystal.vectors @ beyond) - 1.0).max() > SAME:
         return np.zeros(one.shape.shape[:-2], dtype=complex)
@@ -88,7 +88,7 @@ def _share(crystal: Crystal, mirror: Mirror, one: Wave, other: Wave) -> Complexe
 
 
 def _apart(vectors: Floats) -> Floats:
-    """Return the directions of vectors (N, 3), each of them and of their opposites once."""
+    """Return the distinct directions of vectors (N, 3), where opposite vectors have the same direction."""
     found: list[Floats] = []
     for vector, size in zip(vectors, np.linalg.norm(vectors, axis=1), strict=True):
         if size > SAME and not any(abs(vector @ other) > (1 - SAME**2) * size for other in found):

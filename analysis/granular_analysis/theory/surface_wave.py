@@ -1,20 +1,20 @@
 """Waves of a layer of spheres on an elastic half-space: surface waves coupled to contact resonances.
 
-The half-space z < 0 has the density ρ and the speeds c_l and c_t. If its surface moves by u_s e^{i(k·r − ωt)}, the
+The half-space z < 0 has the density ρ and the wave speeds c_l and c_t. If its surface moves by u_s e^{i(k·r − ωt)}, the
 tractions are S u_s. With μ = ρc_t², p² = k² − ω²/c_l², q² = k² − ω²/c_t² and g = (pq + k²)/(k²(1 + c_t²/c_l²) −
-ω²/c_l²), along k, across, and up,
+ω²/c_l²), and with components along k, across k, and up,
 
     S = μ [[pg, 0, ik(2 − g)], [0, q, 0], [−ik(2 − g), 0, qg]]                                    (after Lamb 1904)
 
-Each sphere pulls the surface with C(u_foot − u_s), C = diag(K_S, K_S, K_N), u_foot = u − φ × z. With N contacts per
-area, the matrix D(k) of the layer on a rigid substrate, and the motion B of the contact point,
+Each sphere pulls the surface with C(u_foot − u_s), where C = diag(K_S, K_S, K_N) and u_foot = u − φ × z. With N
+contacts per area, the matrix D(k) of the layer on a rigid substrate, and u_foot = B U,
 
     [[D − ω²M, −BᵀC], [−CB, C + S/N]] (U, u_s) = 0
 
-For K_S = 0 and spheres that do not touch each other this is the formula for the vertical resonance only. Below c_t k
-the matrix is Hermitian and its eigenvalues decrease with ω: the number of negative ones is the number of *guided* waves
-below ω, so no wave is missed. Faster waves *leak* into the half-space: their frequency has a negative imaginary part.
-At k = 0 the vertical resonance has the quality factor ρc_l/(Nmω0), if that is large.
+For K_S = 0 and spheres that do not touch each other, this is the formula for the vertical resonance alone. Below
+ω = c_t k the matrix is Hermitian and its eigenvalues decrease with ω: the number of negative eigenvalues equals the
+number of *guided* waves below ω, so no wave is missed. Faster waves *leak* into the half-space: their frequency has a
+negative imaginary part. At k = 0 the vertical resonance has the quality factor ρc_l/(Nmω0), if this number is large.
 
 When it breaks: if 2π/k is only a few sphere distances, because the half-space responds to the mean of the forces.
 Torques have the arm R, which changes frequencies by a share η/2. Units are those of the crystal.
@@ -33,17 +33,23 @@ __all__ = ["Coupled", "HalfSpace"]
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-_HALVINGS = 60  # an interval of frequencies is halved no more often
-_SLOWEST = 1e-9  # share of the fastest; a slower motion is one that nothing holds
-_STEPS = 60  # Newton's method takes no more
-_MET = 1e-12  # relative change of a frequency at which a root is found
-_NEAR = 1e-7  # relative step of a derivative
-_ASIDE = 1e-6j  # relative place beside a guess where the method begins, as the guess may be a known wave
-_LONGEST = 0.1  # a step is at most this share of a frequency
+_HALVINGS = 60  # largest number of halvings of an interval of frequencies
+_SLOWEST = 1e-9  # a motion below this share of the highest frequency is free, without a restoring force
+_STEPS = 60  # largest number of Newton steps
+_MET = 1e-12  # relative change of a frequency below which Newton's method has converged
+_NEAR = 1e-7  # relative step of a numerical derivative
+_ASIDE = 1e-6j  # relative offset of the start from the guess, because the guess may be a known wave
+_LONGEST = 0.1  # largest Newton step, as a share of the frequency
 
 
 class Reaction(NamedTuple):
-    """How a surface resists: S (..., 3, 3), and the number (...) of waves below ω of the body whose surface is held."""
+    """Reaction of a body at its surface.
+
+    Attributes
+    ----------
+    stiffness : S (..., 3, 3).
+    held : number (...) of waves below ω in the body with its surface held at rest.
+    """
 
     stiffness: Complexes
     held: NDArray[np.intp]
@@ -54,14 +60,14 @@ class Body(Protocol):
 
     @property
     def cutoff(self) -> float:
-        """Return the speed of waves that leak, those that are no slower."""
+        """Return the speed from which waves leak into the body."""
 
     def reaction(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Reaction:
-        """Return how the surface resists at k > 0 (...) and ω (...) that may be complex."""
+        """Return the reaction of the surface at k > 0 (...) and ω (...), which may be complex."""
 
 
 class HalfSpace(NamedTuple):
-    """Isotropic solid, given by its density and the speeds of longitudinal and transverse waves."""
+    """Isotropic elastic half-space, given by its density and the speeds of longitudinal and transverse waves."""
 
     density: float
     longitudinal: float
@@ -76,7 +82,7 @@ class HalfSpace(NamedTuple):
 
     @property
     def cutoff(self) -> float:
-        """Return the speed of waves that leak, those that are no slower."""
+        """Return the speed c_t, from which waves leak."""
         return self.transverse
 
     def reaction(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Reaction:
@@ -85,7 +91,7 @@ class HalfSpace(NamedTuple):
         return Reaction(stiffness, np.zeros(stiffness.shape[:-2], dtype=np.intp))
 
     def stiffness(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Complexes:
-        """Return S (..., 3, 3), along k, across, and up, at k > 0 (...) and ω (...) that may be complex."""
+        """Return S (..., 3, 3), along k, across, and up, at k > 0 (...) and ω (...), which may be complex."""
         k, omega = complexes(wavenumber, frequency)
         p, q = (downward(k, omega / speed) for speed in (self.longitudinal, self.transverse))
         slow = (self.transverse / self.longitudinal) ** 2
@@ -99,7 +105,7 @@ class HalfSpace(NamedTuple):
     def rayleigh(self) -> float:
         """Return the speed of the surface wave of the bare half-space."""
         slow = (self.transverse / self.longitudinal) ** 2
-        # x = (c/c_t)² of x³ − 8x² + (24 − 16s)x − 16(1 − s) = 0
+        # x³ − 8x² + (24 − 16s)x − 16(1 − s) = 0 for x = (c/c_t)², s = (c_t/c_l)²
         roots = np.roots([1.0, -8.0, 24 - 16 * slow, -16 * (1 - slow)])
         return float(self.transverse * np.sqrt(next(x.real for x in roots if abs(x.imag) < 1e-9 and 0 < x.real < 1)))
 
@@ -109,7 +115,7 @@ def _hermitian(matrix: Complexes) -> Complexes:
 
 
 def _zeros(falling: Callable[[Floats], Floats], low: Floats, high: Floats) -> Floats:
-    """Return where functions (...) that fall from low to high are 0, by Ridders' method."""
+    """Return the zeros (...) of functions that fall from low to high, by Ridders' method."""
     upper, lower = np.abs(falling(low)), -np.abs(falling(high))
     found = high
     for _ in range(_HALVINGS):
@@ -128,9 +134,9 @@ def _zeros(falling: Callable[[Floats], Floats], low: Floats, high: Floats) -> Fl
 
 
 def _root(at: Callable[[NDArray[Any]], Reaction], guess: Complexes, known: Complexes) -> Complexes:
-    """Return ω (...) at which the matrix is singular, next to guesses (...) and beside known ones (..., n); or nan.
+    """Return a root ω (...) of the determinant near each guess (...), apart from known roots (..., n); nan if none.
 
-    It is Newton's method for the determinant over Π(ω − ω_n).
+    This is Newton's method for the determinant divided by Π(ω − ω_n).
     """
     there = np.isfinite(guess)
     omega, live = np.where(there, guess, 1.0) * (1 - _ASIDE), there
@@ -138,7 +144,7 @@ def _root(at: Callable[[NDArray[Any]], Reaction], guess: Complexes, known: Compl
         if not live.any():
             break
         here, near = at(omega * np.reshape([1, 1 + _NEAR], (2, *[1] * omega.ndim))).stiffness
-        # The determinant f has f′/f = trace(K⁻¹K′); a wave that is found makes K singular
+        # f′/f = trace(K⁻¹K′) for the determinant f. K is singular once a guess has converged, so those are masked
         changed = np.linalg.solve(np.where(live[..., None, None], here, np.eye(here.shape[-1])), near - here)
         slope = np.trace(changed, axis1=-2, axis2=-1) / (omega * _NEAR)
         apart = np.where(np.isfinite(known), omega[..., None] - known, np.inf)
@@ -157,20 +163,26 @@ def complexes(wavenumber: ArrayLike, frequency: ArrayLike) -> tuple[Complexes, C
 
 
 def downward(k: NDArray[Any], slowness: NDArray[Any]) -> Complexes:
-    """Return √(k² − (ω/c)²) of waves that decay into the half-space or, faster ones, run into it."""
+    """Return √(k² − (ω/c)²), slowness ω/c, for waves that decay into the half-space or, if faster, run into it."""
     square = k**2 - slowness**2
     return np.asarray(np.where(square.real > 0, np.sqrt(square), -1j * np.sqrt(-square)))
 
 
 @dataclass(frozen=True, eq=False)
 class Coupled:
-    """Layer on a half-space.
+    """Layer of spheres on a half-space or another substrate.
 
     Attributes
     ----------
-    crystal : the layer on a rigid wall, with `true_geometry=False`, as the exact geometry would give different arms to
-        the torques of pairs and walls.
-    substrate : the half-space, or another substrate, in the units of the crystal.
+    crystal : the layer on a rigid wall, with `true_geometry=False`, because the exact geometry would give torques of
+        pairs and walls different arms.
+    substrate : `HalfSpace` or another `Body`, in the units of the crystal.
+    feet : contacts with the wall, found from the crystal.
+
+    Raises
+    ------
+    ValueError
+        For a crystal that is not a film with two lattice vectors, on one wall below, with equal arms.
     """
 
     crystal: Crystal
@@ -188,11 +200,11 @@ class Coupled:
 
     @property
     def area(self) -> float:
-        """Return the area of a cell."""
+        """Return the area of a cell of the layer."""
         return float(np.linalg.norm(np.cross(*self.crystal.vectors)))
 
     def matrix(self, wavevector: ArrayLike, frequency: ArrayLike) -> Complexes:
-        """Return the matrix (..., F + 3, F + 3) of this module, at wave vectors (..., 2 or 3) and ω (...)."""
+        """Return the matrix (..., F + 3, F + 3) of the module, at wave vectors (..., 2 or 3) and ω (...)."""
         return self._at(wavevector)(np.asarray(frequency)).stiffness
 
     def _at(self, wavevector: ArrayLike) -> Callable[[NDArray[Any]], Reaction]:
@@ -230,9 +242,14 @@ class Coupled:
         return pulls[:, list(crystal.freedoms)].reshape(-1, 3), springs
 
     def guided(self, wavevector: ArrayLike, below: float = np.inf) -> Floats:
-        """Return ω (..., J) of the waves that do not leak, ascending; nan where there are fewer than J.
+        """Return ω (..., J) of the guided waves below `below`, ascending; nan where there are fewer than J.
 
-        J is the largest number at one wave vector. All have ω < `below`, which a plate requires.
+        Parameters
+        ----------
+        wavevector : (..., 2 or 3); J is the largest number of waves at one of them
+        below : upper limit of ω; a plate requires it
+
+        Raises ValueError for a plate without a limit.
         """
         k = padded(wavevector)
         fastest = np.minimum(self.substrate.cutoff * np.linalg.norm(k, axis=-1) * (1 - 1e-12), below)
@@ -244,7 +261,7 @@ class Coupled:
         at = self._at(np.broadcast_to(k[..., None, :], (*counts.shape, len(numbers), 3)))
 
         def passed(omega: Floats) -> Floats:
-            """Return a number that falls with ω and is 0 at each wave."""
+            """Return for each wave a number that falls with ω and is 0 at the frequency of the wave."""
             matrix, held = at(omega)
             values = np.linalg.eigvalsh(_hermitian(matrix))
             place = numbers - held
@@ -255,11 +272,14 @@ class Coupled:
         return np.where(numbers < counts[..., None], _zeros(passed, _SLOWEST * high, high), np.nan)
 
     def leaking(self, wavevector: ArrayLike, guess: ArrayLike) -> Complexes:
-        """Return ω (..., J) of the waves nearest to guesses (..., J), Im ω < 0 if they leak; nan if there is none.
+        """Return ω (..., J) of the waves near guesses (..., J), with Im ω < 0 if they leak; nan if none is found.
 
-        Guesses at one wave vector find different waves, or one wave up to its multiplicity.
+        Guesses at one wave vector find different waves, or one wave as often as its multiplicity.
 
-        wavevector : (..., 2 or 3), or (2,) or (3,) for one guess (); guess : as frequencies on the rigid substrate
+        Parameters
+        ----------
+        wavevector : (..., 2 or 3); (2,) or (3,) for a single guess ()
+        guess : starting frequencies, such as those on the rigid substrate
         """
         guesses, at = np.atleast_1d(np.asarray(guess, dtype=complex)), self._at(wavevector)
         found = np.full_like(guesses, np.nan)

@@ -1,38 +1,40 @@
-"""Third order of one wave in any crystal: the shift of its frequency, and the third harmonic that runs with it.
+"""Third order of one wave in any crystal: the shift of its frequency, and the forced third harmonic.
 
-The cubic part of the law acts on the wave, and the quadratic part on the wave and the fields that it has made to second
-order, u₂ = ½Re X₂e^{2iα} + ½Re X₀. With the forces C and N of `granular_analysis.theory.bonds.Bonds.cubic` and
-`quadratic`, for z = U e^{iα} these are
+At third order the cubic part of the law acts on the wave, and the quadratic part acts on the wave together with the
+fields that the wave generates at second order, u₂ = ½Re X₂e^{2iα} + ½Re X₀. With the forces C and N of
+`granular_analysis.theory.bonds.Bonds.cubic` and `quadratic`, and with z = U e^{iα}, the forces are
 
     G₁ = ¾C(z, z, z*) + ½N(X₂, z*) + N(X₀, z),      G₃ = ¼C(z, z, z) + ½N(X₂, z)
 
-The first runs with the wave and changes its frequency by δω = −U†G₁/(2ω U†MU), which grows as the square of its
-amplitude; the second forces the third harmonic. X₂ is a sum over the modes j at 2k, so that
+G₁ runs with the wave and changes its frequency by δω = −U†G₁/(2ω U†MU), in proportion to the square of the amplitude.
+G₃ forces the third harmonic. X₂ is a sum over the modes j at 2k, so
 
     δω = δω_s + Σ_j c_j/(w_j² − 4ω²)
 
-TR and RT along y soften; L stiffens at long waves, where the wave it generates dominates, and softens at short ones.
+TR and RT along y soften; L stiffens at long wavelengths, where the generated wave dominates, and softens at short ones.
 
-δω has a pole on a resonance 2ω = w_j, but not the wave: the start launches free waves ±w_j that cancel the generated
-one at t = 0, so that the wave feels nothing of it at first. With these, which act on it out of tune by δ± = 2ω ∓ w_j,
-it is multiplied by e^{−iθ},
+δω has a pole on a resonance 2ω = w_j, but the motion is regular: the start launches free waves ±w_j that cancel the
+generated wave at t = 0, so the wave is not affected at first. The free waves act on the wave with the detunings
+δ± = 2ω ∓ w_j. In total the wave is multiplied by e^{−iθ},
 
     θ(t) = δω_s t + Σ_j (c_j/2w_j)[(E(δ₊) − t)/δ₊ − (E(δ₋) − t)/δ₋],   E(x) = ∫₀ᵗ e^{ixs} ds
 
-Far from resonance the free waves leave a bounded ripple on the drift δω t; on resonance θ grows as t², the start of the
+Far from resonance the free waves leave a bounded ripple on the drift δω t. On resonance θ grows as t², the start of the
 sech of `granular_analysis.theory.resonance.two_mode`.
 
-**The cubic part** C is that of the law, of the contact's true direction and length N = (ℓn + w)/L, L = ℓ + X, and of
-the slip that follows both (`granular_analysis.theory.bonds` has them to second order). All are functions of α, and with
-′ = d/dα
+**The cubic part** C contains the third order of the law, of the true direction N = (ℓn + w)/L and length L = ℓ + X of
+the contact, and of the slip, which follows both (`granular_analysis.theory.bonds` has the second order). All are
+functions of α, and with ′ = d/dα
 
     force on i  S − f(δ − X) N,    torques over R  [arm/R + X/2R] N × S
     secant law        S = k(δ − X) s,   s′ = L N′ − Φ′ × N − N (N′·s)
     incremental law   S′ = k(δ − X) [L N′ − Φ′ × N] − N (N′·S)
 
-with what a start leaves in a contact on the average over its phase. These are expanded order by order at a few α. At 2k
-the start leaves a grating, which is left out: along y a wave that runs back grows off it by 0.01 η a² of the wave per τ
-or less, and by 1.3e-3 a² under the incremental law. Slip that winds up, which makes the wave creep, is left out, too.
+including the slip or force that a start leaves in a contact, averaged over the phase of the start. These equations are
+expanded order by order at a few values of α.
+
+Two effects are left out. The start leaves a static grating at 2k, on which a backward wave grows along y: by at most
+0.01 η a² of the wave per τ, and by 1.3e-3 a² under the incremental law. Slip that winds up makes the spheres creep.
 
 When it breaks: where |θ| is no longer small.
 """
@@ -51,14 +53,22 @@ from granular_analysis.theory.second_order import Mixed, Wave
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-_MET = 1e-14  # share of a frequency, the rounding of modes, within which a resonance is met
-_ANGLES = 2 * np.pi * np.arange(8) / 8  # α; a product of three waves has harmonics up to 3
-_TURNS = np.array([0, 1, 2, 3, 0, -3, -2, -1])  # harmonics at these α, of which none is the 4th
-_SLOW = 1e-6  # a mode of frequency 0 at 2k is taken as one of this share of 2ω, which changes θ by 1e-12
+_MET = 1e-14  # relative detuning below which a wave is exactly on resonance: the rounding of modes
+_ANGLES = 2 * np.pi * np.arange(8) / 8  # values of α; a product of three waves has harmonics up to 3
+_TURNS = np.array([0, 1, 2, 3, 0, -3, -2, -1])  # harmonics resolved by these α; the 4th, which is absent, counts as 0
+_SLOW = 1e-6  # least frequency of a mode at 2k, in 2ω; for modes of frequency 0 this changes θ by 1e-12
 
 
 class Shift(NamedTuple):
-    """Parts of δω (...) of waves: δω_s of springs and static field; w_j and c_j (..., J) of the modes at 2k; and 2ω."""
+    """Frequency shift of waves (...) in its parts.
+
+    Attributes
+    ----------
+    springs : δω_s (...), by the cubic springs and the static field.
+    natural : w_j (..., J), frequencies of the modes at 2k.
+    through : c_j (..., J), coefficients of the modes at 2k.
+    twice : 2ω (...).
+    """
 
     springs: Floats
     natural: Floats
@@ -67,14 +77,14 @@ class Shift(NamedTuple):
 
     @property
     def total(self) -> Floats:
-        """Return δω (...), what the wave is out of tune for t ≫ 1/δ₊; ValueError exactly on resonance."""
+        """Return δω (...), the shift of the frequency for t ≫ 1/δ₊; ValueError exactly on resonance."""
         twice = self.twice[..., None]
         if np.any((np.abs(self.natural - np.abs(twice)) < _MET * np.abs(twice)) & (self.through != 0)):
             raise TheoryError("the wave is on resonance, where the frequency shift is infinite")
         return np.asarray(self.springs + np.sum(self.through / ((self.natural - twice) * (self.natural + twice)), -1))
 
     def phase(self, time: ArrayLike) -> Complexes:
-        """Return θ (T,) of one wave at times (T,), by which third order multiplies it with e^{−iθ}."""
+        """Return θ (T,) of one wave at times (T,): third order multiplies the wave by e^{−iθ}."""
         t = np.asarray(time, dtype=float)[:, None]
         w = np.maximum(self.natural, _SLOW * np.abs(self.twice))
         parts = self.through / (2 * w) * (_ripple(self.twice - w, t) - _ripple(self.twice + w, t))
@@ -82,7 +92,7 @@ class Shift(NamedTuple):
 
 
 def _ripple(x: Floats, time: Floats) -> Complexes:
-    """Return (E(x) − t)/x, which is it²/2 at x = 0."""
+    """Return (E(x) − t)/x, with the limit it²/2 at x = 0."""
     z = np.asarray(1j * x * time, dtype=np.complex128)
     small = np.abs(z) < 1e-3
     exact = np.where(small, 0, (np.expm1(z) - z) / np.where(small, 1, z) ** 2)
@@ -91,7 +101,7 @@ def _ripple(x: Floats, time: Floats) -> Complexes:
 
 
 def shift(crystal: Crystal, wave: Wave) -> Shift:
-    """Return the parts of δω of waves (...) with their amplitudes, as the square of which they grow.
+    """Return the parts of δω for waves (...) with their amplitudes; δω is proportional to the square of the amplitude.
 
     Raises ValueError for the potential law.
     """
@@ -108,9 +118,9 @@ def shift(crystal: Crystal, wave: Wave) -> Shift:
 
 
 def _turning(crystal: Crystal, wave: Wave, ends: Complexes) -> Floats:
-    """Return −U†G/(2ω U†MU) (...) of the forces at the ends of the contacts."""
+    """Return −U†G/(2ω U†MU) (...) for forces G given at the ends of the contacts."""
     force = crystal.bonds.gather(ends, wave.wavevector, len(crystal))
-    # The dual of the wave itself: its shape, over its energy
+    # The dual of the wave is its shape over U†MU
     mass = crystal.mass * (np.arange(6)[None] == np.array(crystal.freedoms)[:, None]).any(axis=0)
     share = np.sum(wave.shape.conj() * force, axis=(-2, -1)) / np.sum(mass * np.abs(wave.shape) ** 2, axis=(-2, -1))
     return np.asarray(-np.real(share) / (2 * wave.frequency))
@@ -130,7 +140,7 @@ def third_harmonic(crystal: Crystal, wave: Wave) -> Complexes:
 
 
 def cubic(bonds: Bonds, strain: Strain) -> tuple[Complexes, Complexes]:
-    """Return the third-order forces of waves at the ends of the contacts, (..., C, 2, 6): those of e^{iα} and e^{3iα}.
+    """Return the third-order forces ∝ e^{iα} and ∝ e^{3iα} at the ends of the contacts, (..., C, 2, 6) each.
 
     Raises ValueError for the potential law.
     """
@@ -153,9 +163,15 @@ def cubic(bonds: Bonds, strain: Strain) -> tuple[Complexes, Complexes]:
 
 
 class _Path(NamedTuple):
-    """Motion of contacts at A values of α, (A, ..., C, 1 or 3), three orders each but for the last two.
+    """Motion of the contacts at A values of α, each (A, ..., C, 1 or 3).
 
-    lengths : X; normals : N; slides : LN′ − Φ′ × N; slip : s to first order; loaded : s that a start makes, to second.
+    Attributes
+    ----------
+    lengths : three orders of X.
+    normals : three orders of N.
+    slides : three orders of LN′ − Φ′ × N.
+    slip : first order of s.
+    loaded : second order of the slip s that a start loads.
     """
 
     lengths: tuple[Floats, Floats, Floats]
@@ -171,7 +187,7 @@ def _path(bonds: Bonds, strain: Strain, phases: Complexes) -> _Path:
     turned = np.real(phases * (strain.twist[..., None] * n)) - crossed(y - slip, n)  # Φ, as y − s = Φ × n
     square = _dot(y, y)
     lengths = x, c * square / 2, -(c**2) * x * square / 2
-    # ℓN, also where 1/ℓ is 0
+    # ℓN instead of N, because it is finite also where 1/ℓ is 0
     steep = y, -c * (x * y + n * square / 2), c**2 * (x**2 * y - square * y / 2 + x * square * n)
     normals = c * steep[0], c * steep[1], c * steep[2]
     (bend, bent), turning = map(_slope, normals[:2]), _slope(turned)
@@ -180,7 +196,7 @@ def _path(bonds: Bonds, strain: Strain, phases: Complexes) -> _Path:
         _slope(steep[1]) + x * bend - crossed(turning, normals[0]),
         _slope(steep[2]) + x * bent + lengths[1] * bend - crossed(turning, normals[1]),
     )
-    # In one step, along the tangents of the displaced lattice
+    # The start loads the slip in one step, along the tangents of the displaced lattice
     return _Path(lengths, normals, slides, slip, -x * normals[0] - crossed(turned, normals[0]))
 
 
@@ -203,9 +219,14 @@ def _sheared(bonds: Bonds, path: _Path) -> list[Floats]:
 def _carried(
     rates: Sequence[Floats], n: Floats, normals: Sequence[Floats], first: Floats, left: Floats
 ) -> list[Floats]:
-    """Return three orders of what is across N and grows at these rates by α, carried with N.
+    """Return three orders of a vector that is perpendicular to N, is carried with N, and has these rates by α.
 
-    first : its first order; left : the second order that a start loads.
+    Parameters
+    ----------
+    rates : three orders of the rates
+    n, normals : N at rest, and three orders of its change
+    first : first order of the vector
+    left : second order of the vector that a start loads
     """
 
     def across(values: Floats, along: Floats) -> Floats:
@@ -222,7 +243,7 @@ def _slope(values: Floats) -> Floats:
 
 
 def _integral(values: Floats) -> Floats:
-    """Return the integral by α of values (A, ...) without their mean, whose own mean is 0."""
+    """Return the integral by α, with mean 0, of values (A, ...) minus their mean."""
     return _by_harmonic(values, np.divide(-1j, _TURNS, out=np.zeros(len(_TURNS), dtype=complex), where=_TURNS != 0))
 
 
@@ -236,13 +257,13 @@ def _dot(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
 
 
 def _static(crystal: Crystal, wave: Wave) -> Wave:
-    """Return the static field of waves, as waves."""
+    """Return the static field of waves, as waves of frequency 0."""
     still = Mixed(crystal, wave, wave.reversed)
     return Wave(still.wavevector, still.frequency, 0.5 * still.static())
 
 
 def _steady(bonds: Bonds, one: Strain, other: Strain, *frequencies: Floats) -> Complexes:
-    """Return the second-order forces (..., C, 2, 6) of two waves whose sum of frequencies is not 0."""
+    """Return the steady second-order forces (..., C, 2, 6) of two waves whose frequencies do not add up to 0."""
     made: Quadratic = bonds.quadratic(one, other, (frequencies[0], frequencies[1]))
     return made.running + 1j * made.winding / np.asarray(sum(frequencies))[..., None, None, None]
 

@@ -1,6 +1,6 @@
-"""The second harmonic as steps of velocity Verlet make it, as LAMMPS steps it: one oscillator, so no lattice is needed.
+"""Second harmonic with the time step of LAMMPS: velocity Verlet applied to one oscillator instead of the lattice.
 
-A test steps the whole lattice.
+A test compares it with steps of the whole lattice.
 """
 
 from dataclasses import replace
@@ -15,21 +15,25 @@ Floats = NDArray[np.float64]
 
 
 def stepped_second_harmonic(wave: Wave, tau: Floats, step: float) -> Floats:
-    """Return p of the second harmonic in D0 at τ, (T,), as steps of `step` make it; `second_harmonic` is step → 0.
+    """Return p (T,) of the second harmonic in D0 at times τ, computed with time steps h; h → 0 gives `second_harmonic`.
 
         p_{n+1} − 2p_n + p_{n−1} = h²[Re(F f_n²) − w̃² p_n],   f = e^{i phase}(cos Ω_hτ − ir sin Ω_hτ)
 
-    with sin(Ω_h h/2) = Ωh/2 and the force F on the free waves. The start has the velocity of the exact wave,
-    r = Ωh/sin(Ω_h h) times that of one of Ω_h that runs one way; what it leaves in the contacts pushes steadily. The
-    incremental law adds up its force with the stiffness at the end of each step, half a step late: its shear's part of
-    F then has a share of Ωh/2 in quadrature, less what that is at the start. By the secant law F is larger by just
-    that.
+    with sin(Ω_h h/2) = Ωh/2 and the force F on the free waves. The start has the velocity of the exact wave, which is
+    r = Ωh/sin(Ω_h h) times the velocity of a stepped wave of Ω_h that runs one way. The force that the start leaves in
+    the contacts is static.
+
+    The incremental law adds up its shear force with the stiffness at the end of each step, half a step late. The part
+    of F that this delays equals F of the secant law minus F of the incremental law. It acquires a share Ωh/2 in
+    quadrature, minus the value of that share at the start.
 
     Parameters
     ----------
     wave : along y, in contacts without dashpots.
-    tau : times, multiples of the step.
-    step : h in τ.
+    tau : times (T,), multiples of the step.
+    step : h, in τ.
+
+    Raises ValueError for a wave in another direction than y.
     """
     refuse_oblique(wave.mode)
     frequency, free = wave.mode.frequency, wave.free_frequency
@@ -56,7 +60,7 @@ def _leapfrog(drive: Floats, turn: float) -> Floats:
 
 
 def _forces(wave: Wave) -> tuple[complex, complex]:
-    """Return the forces in D0 and t0 on the free waves of the second harmonic that run with 2ϑ, and that stay."""
+    """Return two forces on the longitudinal waves at 2k, in D0 and t0: running with 2ϑ, and static."""
     running, left, _ = wave.doubled.shares
     direction = wave.framed(wave.doubled.targets.shapes)[wave.longitudinal, 0]
     scale = 0.5 * wave.amplitude * np.exp(2j * wave.phase) * direction

@@ -1,27 +1,28 @@
-"""Waves along y at rows that differ: reflection and transmission of every mode, exact in the linear lattice.
+"""Reflection and transmission along y at rows that differ from the lattice: every mode, exact in the linear lattice.
 
-Rows n = 0 … N−1 (`granular_analysis.theory.rows`) of C spheres each, X_n = (u, v, φ) of all spheres of a row, φ = Rθ,
-move with e^{−iΩt} by
+Rows n = 0 … N−1 (`granular_analysis.theory.rows`) have C spheres each. The motion X_n = (u, v, φ) of all spheres of a
+row, φ = Rθ, in proportion to e^{−iΩt}, satisfies
 
     K_{n,n−1} X_{n−1} + (K_{nn} − Ω² M_n) X_n + K_{n,n+1} X_{n+1} = 0,    K_{n+1,n} = K_{n,n+1}ᵀ
 
-The first two rows belong to a perfect lattice that continues in front, the last two to one behind. In each, with the
-wave number k_x = 2πm/W across the width W of a row, the solutions are X_n = s λⁿ with
+The first two rows belong to a perfect lattice that continues in front, the last two to a perfect lattice behind. In
+each lattice, with the wave number k_x = 2πm/W across the width W of a row, the solutions are X_n = s λⁿ with
 
     [K₋ + λ(K₀ − Ω²M) + λ²K₊] s = 0,    J = −Im(λ s†K₊s)
 
-J is the energy flux towards +n but for the factor Ω/2. Waves that leave to +n have |λ| < 1, or |λ| = 1 and J > 0, and
-there are as many as freedoms. From the last row backward X_{n+1} = T_n X_n; at the first row the incident wave and
-those that leave it solve the rest. No approximation enters, and evanescent waves are among those that leave.
+J is the energy flux towards +n, up to the factor Ω/2. Waves that leave towards +n have |λ| < 1, or |λ| = 1 and J > 0;
+their number equals the number of freedoms. Elimination from the last row backward gives X_{n+1} = T_n X_n; the equation
+of the first row then relates the leaving waves to the incident wave. There is no approximation: the leaving waves
+include the evanescent ones.
 
-**What comes out** are shares of the incident flux. Without diffraction orders, m = 0, waves have the names L, TR and RT
-of the perfect lattice; others are "order +1" and so on. A plane of equal rows is blind to m ≠ 0.
+**Results** are shares of the incident flux. Waves of diffraction order m = 0 have the names L, TR and RT of the perfect
+lattice; the others are called "order +1" and so on. A plane of equal rows does not scatter into m ≠ 0.
 
-**A heavy row.** L waves of the perfect lattice are those of a chain, and of one row of the mass 1 + ε
+**A heavy row.** L waves of the perfect lattice are waves of a chain, so one row of mass 1 + ε transmits the share
 T = 1/(1 + ε² tan²(ξ/2)).
 
-Breaks at the edge of a band, where incident waves stand (refused), and where two waves have one λ. Dashpots are not
-held. Not in the paper.
+When it breaks: at the edge of a band, where incident waves stand (refused), and where two waves have the same λ.
+Dashpots are left out. Not in the paper.
 """
 
 from dataclasses import dataclass
@@ -35,19 +36,19 @@ from granular_analysis.theory.rows import Rows, plane_wave
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
 NAMES = ("L", "TR", "RT")
-_FINITE = 1e-30  # 1/|λ| of a wave that ends at once
-_RUNS = 1e-6  # ||λ| − 1| of a wave that runs; rounding leaves 1e-8 next to the edge of a band
-_LEAST_FLUX = 1e-6  # share of the stiffness: waves that carry less stand
+_FINITE = 1e-30  # least 1/|λ|; it replaces 0 for a wave that is confined to one row
+_RUNS = 1e-6  # largest ||λ| − 1| of a running wave; rounding leaves 1e-8 next to the edge of a band
+_LEAST_FLUX = 1e-6  # least flux of a running wave, as a share of the stiffness; a wave with less stands
 
 
 @dataclass(frozen=True)
 class Scattering:
-    """Shares of the incident energy flux by wave, of those that run at this frequency.
+    """Shares of the incident energy flux in each wave that runs at this frequency.
 
     Attributes
     ----------
     wavenumber : of the incident wave, rad per row; negative if its crests run against its energy.
-    transmitted, reflected : share by name of the wave.
+    transmitted, reflected : share of the flux by name of the wave.
     """
 
     wavenumber: float
@@ -56,25 +57,25 @@ class Scattering:
 
     @property
     def balance(self) -> float:
-        """Sum of all shares; 1 to rounding."""
+        """Sum of all shares, which is 1 up to rounding."""
         return sum(self.transmitted.values()) + sum(self.reflected.values())
 
 
 def scattering(rows: Rows, frequency: float, name: str) -> Scattering:
-    """Return what the rows make of a wave that comes to them from in front.
+    """Return the transmitted and reflected shares of a wave that arrives from in front of the rows.
 
     Parameters
     ----------
     rows : Rows
-        From behind: `rows.reversed`.
+        Use `rows.reversed` for a wave that arrives from behind.
     frequency : Ω, in the unit of the rows: rad/t0 for `heavy_rows`.
     name : "L", "TR" or "RT".
 
     Raises
     ------
     ValueError
-        For an unknown name, a frequency that is not positive, one at which no such wave runs in front or two do, and
-        one at the edge of a band.
+        For an unknown name, and for a frequency that is not positive, at which no or more than one such wave runs in
+        front, or that is at the edge of a band.
     """
     still, front, behind, incident = _incoming(rows, frequency, name)
     steps = []  # X_{n+1} = T_n X_n, from the last row backward
@@ -93,10 +94,10 @@ def scattering(rows: Rows, frequency: float, name: str) -> Scattering:
 
 
 def changes_by_mass(rows: Rows, frequency: float, name: str) -> Floats:
-    """Return the derivatives (N,) of the share that passes by the logarithm of the mass of each row.
+    """Return the derivatives (N,) of the transmitted share by the logarithm of the mass of each row.
 
-    Arguments and errors are those of `scattering`. The lattices in front and behind stay what they are, so that the
-    first and the last row, which are theirs too, count as rows of their own.
+    Arguments and errors are those of `scattering`. The lattices in front and behind stay unchanged: the derivatives by
+    the first and last rows, which also belong to these lattices, are for a change of that single row.
     """
     still, front, behind, incident = _incoming(rows, frequency, name)
     ends = np.cumsum([0, *map(len, rows.mass)])
@@ -120,7 +121,7 @@ def changes_by_mass(rows: Rows, frequency: float, name: str) -> Floats:
 
 
 def _incoming(rows: Rows, frequency: float, name: str) -> tuple[list[Complexes], "_Side", "_Side", "Running"]:
-    """Return the diagonal blocks of the rows, the lattices in front and behind, and the wave that comes."""
+    """Return the diagonal blocks of the rows, the lattices in front and behind, and the incident wave."""
     if name not in NAMES:
         raise ValueError(f"name = {name!r}: must be one of {', '.join(NAMES)}")
     if not 0 < frequency < np.inf:
@@ -129,7 +130,7 @@ def _incoming(rows: Rows, frequency: float, name: str) -> tuple[list[Complexes],
     named = [wave for wave in front.coming if wave.name == name]
     if len(named) != 1:
         there = ", ".join(wave.name for wave in front.coming) or "none"
-        raise ValueError(f"frequency = {frequency:.6g}: must be that of one wave {name} in front; there are: {there}")
+        raise ValueError(f"frequency = {frequency:.6g}: must have one wave {name} in front; there are: {there}")
     still: list[Complexes] = [
         stiffness - np.diag(frequency**2 * mass) + 0j for stiffness, mass in zip(rows.on_site, rows.mass, strict=True)
     ]
@@ -139,20 +140,20 @@ def _incoming(rows: Rows, frequency: float, name: str) -> tuple[list[Complexes],
 
 
 def running(rows: Rows, frequency: float) -> dict[str, "Running"]:
-    """Return the waves L, TR and RT that run to the rows from in front, of those that do at a frequency.
+    """Return those of the waves L, TR and RT that run to the rows from in front at a frequency, by name.
 
-    The waves that run away behind are, by the mirror of a lattice, those of `rows.reversed`.
+    The waves that leave behind the rows are the mirror images of `running(rows.reversed, frequency)`.
     """
     return {wave.name: wave for wave in _Side.of(rows, frequency).coming if wave.name in NAMES}
 
 
 @dataclass(frozen=True, eq=False)
 class Running:
-    """A wave that runs to row 0 from rows n < 0.
+    """Wave that runs to row 0 from rows n < 0.
 
     Attributes
     ----------
-    name : of the wave.
+    name : name of the wave.
     wavenumber : rad per row; negative if its crests run against its energy.
     flux : J.
     here : (3C,) X₀.
@@ -168,13 +169,13 @@ class Running:
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """The perfect lattice in front of row 0, at one frequency.
+    """Perfect lattice in front of row 0, at one frequency.
 
     Attributes
     ----------
     coming : waves that run to row 0.
-    pull : (3C, 3C) K₋T, where X₋₁ = T X₀ in waves that leave.
-    leaving : names, fluxes and rows that give the amplitude of each wave that leaves, at row 0.
+    pull : (3C, 3C) K₋T, where X₋₁ = T X₀ in leaving waves.
+    leaving : name and flux of each leaving wave, and the row vector that gives its amplitude from X₀.
     """
 
     coming: tuple[Running, ...]
@@ -202,7 +203,7 @@ class _Side:
         return cls(tuple(coming), pull, tuple(leaving))
 
     def shares(self, motion: Complexes, incident: float) -> dict[str, float]:
-        """Return the flux of each wave in a motion of row 0 of waves that leave, over the incident flux."""
+        """Return the flux of each leaving wave over the incident flux, from the motion of row 0 in leaving waves."""
         found: dict[str, float] = {}
         for name, flux, amplitude in self.leaving:
             found[name] = found.get(name, 0.0) + flux * float(np.abs(amplitude @ motion) ** 2) / incident
@@ -212,7 +213,7 @@ class _Side:
 def lattice_waves(
     mass: Floats, on_site: Complexes, ahead: Complexes, frequency: float
 ) -> tuple[Complexes, Complexes, Floats]:
-    """Return λ (2F,), s (F, 2F) and J (2F,) of the waves of a lattice of F freedoms, those that leave to +n first.
+    """Return λ (2F,), s (F, 2F) and J (2F,) of the waves in a lattice of F freedoms, waves leaving to +n first.
 
     Raises ValueError at the edge of a band.
     """
@@ -220,7 +221,7 @@ def lattice_waves(
     still, one, none = on_site - np.diag(frequency**2 * mass), np.eye(count), np.zeros((count, count))
     pencil = np.block([[none, one], [-ahead.conj().T, -still]]), np.block([[one, none], [none, ahead]])
     (above, below), vectors = eig(*pencil, homogeneous_eigvals=True)
-    # A contact that leaves a freedom alone, as in a chain, has factors 0 and ∞
+    # λ is 0 or ∞ for a freedom on which no contact between rows acts, as in a chain
     factor = above / np.where(np.abs(below) > _FINITE * np.abs(above), below, _FINITE * np.abs(above))
     grows = np.abs(factor) > 1
     shape = np.where(grows, vectors[count:], vectors[:count])
@@ -229,7 +230,7 @@ def lattice_waves(
     flux = np.where(runs, -np.imag(np.sum(shape.conj() * (ahead @ shape), axis=0) * np.where(runs, factor, 0)), 0.0)
     onward = np.where(runs, flux > 0, ~grows)
     if np.any(runs & (np.abs(flux) < _LEAST_FLUX * np.abs(ahead).max())) or np.count_nonzero(onward) != count:
-        raise ValueError(f"frequency = {frequency:.6g}: is at the edge of a band, where a wave carries no energy")
+        raise ValueError(f"frequency = {frequency:.6g} is at the edge of a band, where a wave carries no energy")
     order = np.argsort(~onward, kind="stable")
     return factor[order], shape[:, order], flux[order]
 

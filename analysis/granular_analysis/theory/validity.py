@@ -1,17 +1,18 @@
-"""How far second order holds for a wave: contacts that open and slide, the next order, and slip that winds up.
+"""Bounds of second-order theory for a wave: opening and sliding contacts, the next order, and accumulated slip.
 
-All numbers are of the wave with its amplitude A, to leading order in it.
+All numbers belong to the wave with its amplitude A, to leading order in A.
 
-| number | of order | what it says |
+| number | order | meaning |
 |---|---|---|
-| `opening` | A | the largest stretch of a contact over that which opens it: a contact opens at 1 |
-| `friction` | A | the coefficient of friction below which a contact slides |
-| `second` | A | the forced second harmonic over the wave |
-| `drift` | A² | the phase in rad by which third order has turned the wave after a period; nan where slip winds up |
-| `creep` | A | the way in a period, over A, by which spheres creep as slip winds up; 0 in planar lattices |
-| `departure` | A² | the share by which the second harmonic changes that creep (`granular_analysis.theory.creep`) |
+| `opening` | A | largest stretch of a contact over the stretch that opens it: a contact opens at 1 |
+| `friction` | A | coefficient of friction below which a contact slides |
+| `second` | A | forced second harmonic over the wave |
+| `drift` | A² | phase in rad by which third order turns the wave in one period; nan where slip winds up |
+| `creep` | A | path, over A, by which spheres creep in one period as slip winds up; 0 in planar lattices |
+| `departure` | A² | relative change of this creep by the second harmonic (`granular_analysis.theory.creep`) |
 
-Second order ends where any of the first three is near 1, and misses the wave itself by drift times the periods.
+Second order fails where one of the first three numbers is near 1. After n periods, its phase of the wave is wrong by
+n times `drift`.
 """
 
 from collections.abc import Sequence
@@ -30,7 +31,7 @@ Floats = NDArray[np.float64]
 
 
 class Validity(NamedTuple):
-    """The numbers of this module."""
+    """Bounds of second order for a wave; see the table of the module."""
 
     opening: float
     friction: float
@@ -41,14 +42,14 @@ class Validity(NamedTuple):
 
 
 class Reached(NamedTuple):
-    """Deformation of the contacts in a field, or in several.
+    """Largest and mean deformation of the contacts in one or several fields.
 
     Attributes
     ----------
-    opening : largest stretch over that which opens a contact, at any phase.
-    friction : coefficient of friction below which one slides.
-    energy : sum of k|stretch|² and k|slip|² over the contacts.
-    squared : sum of the same times |stretch|² + |slip|² over the square of the stretch that opens a contact.
+    opening : largest stretch over the stretch that opens the contact, at any phase.
+    friction : coefficient of friction below which a contact slides.
+    energy : sum of k|stretch|² + k|slip|² over the contacts, with the stiffness k for each.
+    squared : the same sum, each contact weighted by |stretch|² + |slip|² over the square of the opening stretch.
     """
 
     opening: float
@@ -58,19 +59,19 @@ class Reached(NamedTuple):
 
     @property
     def strength(self) -> float:
-        """Return the mean square of stretch and slip over the stretch that opens a contact, weighted by energy."""
+        """Return the mean square of stretch and slip in units of the opening stretch, weighted by energy."""
         return self.squared / self.energy
 
     def beside(self, other: "Reached") -> "Reached":
-        """Return what is reached in either of two fields."""
+        """Return the deformation reached in either of two fields."""
         largest = max(self.opening, other.opening), max(self.friction, other.friction)
         return Reached(*largest, self.energy + other.energy, self.squared + other.squared)
 
 
 def reached(law: Law, strain: Strain) -> Reached:
-    """Return how far contacts are deformed in complex fields, at any phase."""
+    """Return the deformation of contacts in complex fields: the largest at any phase, and the mean."""
     stretch, slip = np.abs(strain.stretch) ** 2, np.sum(np.abs(strain.slip) ** 2, axis=-1)
-    longest = np.sqrt((slip + np.abs(np.sum(strain.slip**2, axis=-1))) / 2)  # The largest |Re(s e^{iα})| over α
+    longest = np.sqrt((slip + np.abs(np.sum(strain.slip**2, axis=-1))) / 2)  # largest |Re(s e^{iα})| over α
     energy = law.stiffness * stretch + law.shear * slip
     return Reached(
         opening=float(np.sqrt(np.max(stretch / law.reach**2))),
@@ -81,7 +82,7 @@ def reached(law: Law, strain: Strain) -> Reached:
 
 
 def together(crystal: Crystal, waves: Sequence[Wave]) -> Reached:
-    """Return how far contacts are deformed at most in waves with their amplitudes, whatever their phases."""
+    """Return the largest deformation of contacts in several waves with their amplitudes, for the worst phases."""
     strains = [crystal.bonds.strain(each.shape, each.wavevector) for each in waves]
     slip = np.zeros_like(strains[0].slip)
     slip[..., 0] = np.sum([np.linalg.norm(each.slip, axis=-1) for each in strains], axis=0)
@@ -90,7 +91,7 @@ def together(crystal: Crystal, waves: Sequence[Wave]) -> Reached:
 
 
 def validity(crystal: Crystal, wave: Wave) -> Validity:
-    """Return how far second order holds for a single wave with its amplitude."""
+    """Return the bounds of second order for a single wave with its amplitude."""
     far = reached(crystal.bonds.law, crystal.bonds.strain(wave.shape, wave.wavevector))
     size, period = _size(wave.shape), 2 * np.pi / float(wave.frequency)
     slow = creep(crystal, wave)
@@ -105,10 +106,10 @@ def validity(crystal: Crystal, wave: Wave) -> Validity:
 
 
 def turned(crystal: Crystal, waves: Sequence[Wave], time: ArrayLike) -> Floats:
-    """Return an estimate (T,) of the most by which third order has turned any of waves together up to times (T,), rad.
+    """Return an estimate (T,) in rad of the largest phase error of any of several waves up to times (T,).
 
-    A wave turns itself by |θ| of `granular_analysis.theory.third_order`, regular on resonance, and another one by up to
-    twice that.
+    Third order turns the phase of a wave by its own |θ| of `granular_analysis.theory.third_order`, which is regular on
+    resonance, and by up to twice the |θ| of every other wave.
     """
     own = np.array([np.abs(shift(crystal, each).phase(time)) for each in waves if each.frequency])
     if not len(own):

@@ -1,9 +1,9 @@
 """Plane wave in the crystal of the paper, for every theory in this folder: a mode, an amplitude, a contact.
 
-`Wave.doubled` passes it to the theory of any crystal (`granular_analysis.theory.second_order`). Results are in the
-variables of the paper, for any direction and contact: p along k, q along ẑ × k, φ = Rθ, in units of D0. The second
-harmonic is Re[X e^{2iϑ}] plus the free waves that the start launches. If a mirror plane contains k, it is longitudinal;
-along y X = (ε/2)P̃1 is imaginary (`granular_analysis.second_harmonic` has the closed form).
+`Wave.doubled` passes the wave to the theory of general crystals (`granular_analysis.theory.second_order`). Results are
+in the variables of the paper, for any direction and contact: p along k, q along ẑ × k, φ = Rθ, in units of D0. The
+second harmonic is Re[X e^{2iϑ}] plus the free waves that the start launches. It is longitudinal if a mirror plane
+contains k; along y, X = (ε/2)P̃1 is imaginary (`granular_analysis.second_harmonic` has the closed form).
 
 When it breaks: if contacts open, or after a long time on a resonance. Dashpots are left out.
 """
@@ -30,10 +30,10 @@ __all__ = ["antiresonance", "generated", "resonance"]
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-# Forces that may be left, in units of the largest stiffness at the wave vector. Rounding leaves 1e-15; a contact of
-# another ν, inertia or geometry leaves as much as it differs by.
+# Largest residual force of a mode, over the norm of the stiffness at the wave vector. Rounding leaves 1e-15; another ν,
+# inertia or geometry leaves a residual as large as the difference.
 RESIDUAL = 1e-9
-COUNT = 64  # wave numbers of the line on which a resonance is looked for
+COUNT = 64  # wave numbers of the line on which a resonance is sought
 
 
 @dataclass(frozen=True)
@@ -42,17 +42,19 @@ class Wave:
 
     Attributes
     ----------
-    mode : of `second_harmonic.mode` or `bloch.mode`; it holds the wave vector.
+    mode : result of `second_harmonic.mode` or `bloch.mode`; it contains the wave vector.
     amplitude : a = D0/Δ0.
-    contact : the physics of every contact of the lattice.
+    contact : contact of the lattice.
     phase : rad, at row 0.
-    others : what else a run has that a theory must hold, in the words of `granular_analysis.theory.catalogue`.
+    others : further traits of the run that a theory must include, in the words of
+        `granular_analysis.theory.catalogue`.
 
     Raises
     ------
     ValueError
-        For a mode that is none of the contact's lattice: another ν, inertia, geometry or compression, or a rotation
-        where the spheres do not turn. Good: 1e-9 of the stiffness, so that a long wave is judged less sharply.
+        For a mode that does not belong to the lattice of the contact: for another ν, inertia, geometry or compression,
+        or with a rotation if the spheres do not turn. The limit is 1e-9 of the stiffness, so the check is less strict
+        for long waves.
     """
 
     mode: Mode
@@ -66,7 +68,7 @@ class Wave:
         if not left < RESIDUAL:
             raise TheoryError(
                 f"mode {self.mode.name} at wavenumber = {self.mode.wavenumber} is no wave of this contact: it leaves "
-                f"{left:.1e} of the forces, allowed is {RESIDUAL:.0e}; make the mode with the constants of the contact"
+                f"{left:.1e} of the forces, allowed: {RESIDUAL:.0e}; make the mode with the constants of the contact"
             )
 
     @classmethod
@@ -79,7 +81,10 @@ class Wave:
         phase: float = 0.0,
         direction: float = ALONG_Y,
     ) -> Self:
-        """Return the wave of the mode of a name at ξ = wavenumber, rad per row along y."""
+        """Return the wave of a named mode at ξ = wavenumber, in rad per row for a wave along y.
+
+        direction is that of k, in degrees from a close-packed row; 90 is y. Raises what `bloch.mode` raises.
+        """
         return cls(bloch.mode(name, wavenumber, direction, contact), amplitude, contact, phase)
 
     @property
@@ -89,7 +94,7 @@ class Wave:
 
     @cached_property
     def linear(self) -> second_order.Wave:
-        """Return the wave of the crystal, of amplitude and phase 1: the rest is a factor."""
+        """Return the wave in the crystal with amplitude 1 and phase 0."""
         mode = self.mode
         shape = np.zeros((1, 6), dtype=complex)
         shape[0, [0, 1, 5]] = [*(np.array([mode.p, mode.q]) @ frame(mode.direction)), 1j * mode.f]
@@ -98,7 +103,7 @@ class Wave:
 
     @cached_property
     def doubled(self) -> Mixed:
-        """Return the wave with itself: half of it, times a² and e^{2i phase}, is the second harmonic in Δ0."""
+        """Return the product of the wave with itself; the second harmonic in Δ0 is ½a² e^{2i phase} times its field."""
         return Mixed(self.crystal, self.linear, self.linear)
 
     def framed(self, field: NDArray[Any]) -> NDArray[Any]:
@@ -108,19 +113,19 @@ class Wave:
 
     @property
     def longitudinal(self) -> int:
-        """Return which branch at 2k the second harmonic is, where a mirror holds k: that which moves along k."""
+        """Return the longitudinal branch at 2k, which the second harmonic is if a mirror plane contains k."""
         return int(_longitudinal(self.doubled))
 
     @property
     def free_frequency(self) -> float:
-        """Return w̃ of the longitudinal waves at 2k, rad per τ."""
+        """Return the frequency w̃ of the longitudinal waves at 2k, rad per τ."""
         return float(self.doubled.targets.frequencies[self.longitudinal])
 
 
 def residual(mode: Mode, contact: Contact) -> float:
-    """Return |D W − Ω² M W|/|D| of a mode W = (u, v, f), 0 for a mode of the contact's lattice.
+    """Return |D W − Ω² M W|/|D| for a mode W = (u, v, f); 0 for a mode of the contact's lattice.
 
-    A rotation counts in full where the spheres do not turn.
+    If the spheres do not turn, f is added in quadrature.
     """
     crystal = hexagonal(contact)
     shape = np.array([*(np.array([mode.p, mode.q]) @ frame(mode.direction)), 1j * mode.f])[: len(crystal.freedoms)]
@@ -137,15 +142,16 @@ def nonlinearity(contact: Contact, amplitude: float) -> float:
 
 
 def decay_rate(wave: Wave, viscosity: float) -> float:
-    """Return Γ of a linear wave ∝ e^{−Γτ}, per τ, if every contact has a dashpot of the viscosity c, in m/t0.
+    """Return the decay rate Γ, per τ, of a linear wave ∝ e^{−Γτ} with a dashpot of viscosity c, in m/t0, per contact.
 
         Γ = ½ c Σ (|x|² + |s|²)/(|u|² + Ĩ|φ|²)
 
-    over the three contacts of a sphere, with the stretch x and the slip s of `granular_analysis.theory.bonds`; s is
-    left out if contacts do not resist shear. The wave keeps its shape and frequency to first order in c, and loses
-    energy at 2Γ: LAMMPS's ``damping velocity``. Of L along y it is 4c sin²(ξ/2).
+    The sum runs over the three contacts per sphere, with the stretch x and the slip s of
+    `granular_analysis.theory.bonds`; s is left out if contacts do not resist shear. To first order in c the wave keeps
+    its shape and frequency, and loses energy at the rate 2Γ, as with LAMMPS's ``damping velocity``. For L along y,
+    Γ = 4c sin²(ξ/2).
 
-    Breaks where Γ is not small against the distance to the other modes: the error is of relative order Γ².
+    When it breaks: if Γ is not small against the distance to the other modes; the error is of relative order Γ².
     """
     strain, _ = wave.doubled.strains
     lost = np.sum(np.abs(strain.stretch) ** 2) + wave.contact.shear * np.sum(np.abs(strain.slip) ** 2)
@@ -154,16 +160,24 @@ def decay_rate(wave: Wave, viscosity: float) -> float:
 
 
 def generated(name: str, wavenumbers: ArrayLike, contact: Contact) -> Floats:
-    """Return A (...) of the wave p = −a A sin 2ϑ, in D0, that runs with a named mode along y.
+    """Return the coefficient A (...) of the generated wave p = −a A sin 2ϑ, in D0, for a named mode along y.
 
-    It is ½ P̃1/i times ε/a, from the closed form if it includes the contact. Infinite on resonance.
+    A = ½ (P̃1/i) ε/a wherever the closed form includes the contact. It is infinite on resonance.
+
+    Parameters
+    ----------
+    name : "L", "TR" or "RT"
+    wavenumbers : ξ (...), rad per row
+    contact : any; its dashpots are ignored
+
+    Raises ValueError for another name, and for RT if spheres do not turn.
     """
     one = _named(name, wavenumbers, contact)
     return np.asarray(0.5 * Mixed(hexagonal(contact), one, one).forced()[..., 0, 1].imag)
 
 
 def second_harmonic(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats, Floats, Floats]:
-    """Return p, q, φ of second order, in D0, from a lattice that has none at τ = 0, at k·r = ξ·row."""
+    """Return the second order of p, q, φ, in D0, at τ (...) and k·r = ξ·row; it is 0 at τ = 0."""
     turned = np.exp(1j * (wave.phase + wave.mode.wavenumber * row))
     _, field = second_order.second_order(wave.crystal, [wave.linear.times(wave.amplitude * turned)], np.ravel(tau))
     p, q, phi = np.real(wave.framed(field)).reshape(*np.shape(tau), 3).T / wave.amplitude
@@ -171,7 +185,7 @@ def second_harmonic(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats,
 
 
 def trajectory(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats, Floats, Floats]:
-    """Return p, q, φ to second order, in D0: the mode and `second_harmonic`."""
+    """Return p, q, φ to second order, in D0, at τ (...) and k·r = ξ·row: the sum of the mode and `second_harmonic`."""
     mode, second = wave.mode, second_harmonic(wave, tau, row)
     theta = mode.wavenumber * row + wave.phase - mode.frequency * np.asarray(tau, dtype=float)
     first = mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)
@@ -180,34 +194,34 @@ def trajectory(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats, Floa
 
 
 def shift(wave: Wave) -> Shift:
-    """Return the frequency shift σa² of a wave for a = 1, whatever its amplitude and phase: `Shift.total` is σ.
+    """Return the frequency shift σa² for a = 1, whatever the amplitude and phase of the wave: `Shift.total` is σ.
 
-    Raises ValueError for the incremental law and for dashpots.
+    Raises ValueError for the potential law and for dashpots.
     """
     wave.contact.refuse_dashpots()
     return shift_of(wave.crystal, wave.linear)
 
 
 def slow_amplitude(wave: Wave, tau: ArrayLike) -> Complexes:
-    """Return A(τ) (T,) of the fundamental A e^{iϑ}, A(0) = 1; regular on resonance and at any ξ.
+    """Return the amplitude A(τ) (T,) of the fundamental A e^{iϑ}, A(0) = 1; regular on resonance and at any ξ.
 
-    When it breaks: where |ln A| stops being small near the resonance (a = 0.2: τ ≳ 120, beyond which take
-    `granular_analysis.theory.resonance.three_mode`), and for L at small ξ once it steepens.
+    When it breaks: near the resonance once |ln A| is no longer small (a = 0.2: τ ≳ 120; then take
+    `granular_analysis.theory.resonance.three_mode`), and for L at small ξ once the wave steepens.
     """
     return np.asarray(np.exp(-1j * wave.amplitude**2 * shift(wave).phase(tau)))
 
 
 def shifted_second_order(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats, Floats, Floats]:
-    """Return p, q, φ (T,) in units of D0 to second order with the fundamental times `slow_amplitude`.
+    """Return p, q, φ (T,) in units of D0 to second order, with the fundamental multiplied by `slow_amplitude`.
 
         q = Re Q A e^{iϑ},   φ = Re i f A e^{iϑ},   p = Re P A e^{iϑ} + p_SH
 
-    p_SH is left as it is. Its generated wave does follow A², but its free waves are shifted as well, by the fundamental
-    they run in. To move one without the other halves the error of p at ξ=0.802 and doubles it at ξ=1.4 (TR, a = 0.2);
-    `granular_analysis.theory.resonance.three_mode` moves both.
+    p_SH is not shifted. Its generated wave in fact follows A², but its free waves are shifted too, by the fundamental
+    in which they run. Shifting only one of them halves the error of p at ξ=0.802 and doubles it at ξ=1.4 (TR, a = 0.2);
+    `granular_analysis.theory.resonance.three_mode` shifts both.
 
-    When it breaks: in p as second order does. In q and φ their third harmonic and free waves remain, of relative order
-    a²: at ξ=2.127, a = 0.2, τ ≤ 120 they are 3.4e-4 of q in row 0.
+    When it breaks: in p as second order does. The error of q and φ is their third harmonic and free waves, of relative
+    order a²: at ξ=2.127, a = 0.2, τ ≤ 120 it is 3.4e-4 of q in row 0.
     """
     mode, times = wave.mode, np.asarray(tau, dtype=float)
     phase = mode.wavenumber * row - mode.frequency * times + wave.phase
@@ -217,18 +231,18 @@ def shifted_second_order(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Fl
 
 
 def resonance(contact: Contact) -> float | None:
-    """Return ξ where the second harmonic of TR along y is a free L wave, 2Ω_TR(ξ) = Ω_L(2ξ); None if there is none."""
+    """Return ξ where the second harmonic of TR along y is a free L wave, 2Ω_TR(ξ) = Ω_L(2ξ); None if no ξ is."""
     return _first("resonance", contact)
 
 
 def antiresonance(contact: Contact) -> float | None:
-    """Return ξ where TR along y generates no second harmonic; None if there is none."""
+    """Return ξ where TR along y generates no second harmonic; None if there is no such ξ."""
     return _first("antiresonance", contact)
 
 
 @lru_cache(maxsize=16)
 def _first(kind: str, contact: Contact) -> float | None:
-    """Return ξ of the first match of a kind on the line along y, of TR with L."""
+    """Return ξ of the first match of a kind between TR and L on the line along y; None if there is none."""
     along = wavevector_of(1.0, ALONG_Y)
     for each in matches(hexagonal(contact), along, COUNT):
         k = each.wavenumber * along / np.linalg.norm(along)
@@ -239,12 +253,12 @@ def _first(kind: str, contact: Contact) -> float | None:
 
 
 def _named(name: str, wavenumbers: ArrayLike, contact: Contact) -> second_order.Wave:
-    """Return the waves of a name along y, of amplitude 1, at ξ (...)."""
+    """Return the waves of a named mode along y at ξ (...), with amplitude 1."""
     k = np.multiply.outer(np.asarray(wavenumbers, dtype=float), wavevector_of(1.0, ALONG_Y))
     modes = hexagonal(contact).modes(k)
     return second_order.chosen(modes, k, branch_among(name, in_plane(modes.shapes), k))
 
 
 def _longitudinal(pair: Mixed) -> NDArray[np.intp]:
-    """Return which mode at K (...) of pairs of waves in the paper's crystal is L."""
+    """Return the index (...) of mode L at K for pairs of waves in the paper's crystal."""
     return branch_among("L", in_plane(pair.targets.shapes), pair.wavevector)
