@@ -185,7 +185,7 @@ def test_what_the_figures_do_not_know_is_refused_by_name(tmp_path):
     record = run(
         TINY.with_values({"time.duration": 1.0, "output.particles": 1.0, "disorder.vacancies": 0.1}), tmp_path / "run"
     )
-    with pytest.raises(ValueError, match=r"disorder\.vacancies: the figures of disorder leave it out"):
+    with pytest.raises(ValueError, match=r"the measures of disorder leave out disorder\.vacancies"):
         disorder.read([record])
 
 
@@ -213,8 +213,8 @@ def test_one_command_runs_seeds_and_equal_spheres_and_says_what_is_left(tmp_path
     assert 0 < found["left"]["error"] < 0.01
     assert "mean of 2 crystals" in capsys.readouterr().out
     for changes, why in (
-        ({"disorder.vacancies": 0.1}, "disorder.vacancies: the mean over seeds leaves that out"),
-        ({"disorder.radius": 0.0}, "disorder.radius = 0: must be above 0"),
+        ({"disorder.vacancies": 0.1}, "the mean over seeds leaves out disorder.vacancies"),
+        ({"disorder.radius": 0.0}, "disorder.radius or disorder.density above 0"),
     ):
         scene.write_text(TINY.with_values(wave | changes).to_toml())
         with pytest.raises(SystemExit, match=why):

@@ -71,7 +71,7 @@ def test_the_network_refuses_materials_that_no_sphere_has(tmp_path: Path) -> Non
     record = run(SMALL.with_values({"inclusion": [soft, others]}), tmp_path / "run")
     assert max(compare.compare(record, "network").error.values()) < 1e-3  # the time step leaves less
     replaced = run(SMALL.with_values({"inclusion": [stiff, soft, others]}), tmp_path / "replaced")
-    with pytest.raises(TheoryError, match="inclusion: 4 materials are declared .*, and spheres have 3"):
+    with pytest.raises(TheoryError, match="inclusion: the scene declares 4 materials, .*, and spheres have 3"):
         compare.compare(replaced, "network")
 
 
@@ -97,8 +97,8 @@ def test_without_snapshots_an_imperfect_run_is_compared_with_nothing(tmp_path: P
 def test_a_long_run_is_left_until_the_network_is_asked_for(imperfect: Record, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference, "MOST_UNASKED", 100.0)
     (note,) = compare.compare(imperfect).notes
-    assert "48 spheres until tau = 4 are above the 100 spheres times tau" in note
-    assert "ask with --theory network" in note
+    assert "48 spheres until tau = 4 exceed 100 spheres times tau" in note
+    assert "use --theory network" in note
     assert compare.compare(imperfect, "network").error["q"] is not None
 
 
