@@ -273,7 +273,7 @@ SAID = [
     ("--vary density --within 0.5 2 --opposite no -o no", "--opposite is for a run"),
     ("--vary density --within 2 0.5 -o no", "within 2 0.5: must be two numbers above 0"),
     ("--vary density --within 0.5 2 --per 3x2 -o no", "--per 3x2: must be sphere, row, or a cell as 4x2"),
-    ("--vary density --within 0.5 2 --set disorder.density=0.01 -o no", "begins with a crystal of equal spheres"),
+    ("--vary density --within 0.5 2 --set disorder.density=0.01 -o no", "must start from a crystal of equal spheres"),
     ("--vary density --within 0.5 2 --set time.tolerance=1e-3 -o no", "time.tolerance = 0.001: must be a step"),
 ]
 

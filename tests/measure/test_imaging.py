@@ -355,14 +355,14 @@ def test_the_command_leaves_map_log_and_picture_and_overwrites_none(
     with pytest.raises(SystemExit, match="holds another search; give its scene and options again"):
         image.main([*words, "--penalty", "tv"])
     (tmp_path / "image" / "image.json").unlink()
-    with pytest.raises(SystemExit, match="holds map.csv, which is of no search; give another folder"):
+    with pytest.raises(SystemExit, match="holds map.csv without a search; give another folder"):
         image.main(words)
 
 
 def test_the_command_says_what_it_lacks(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         image.main(["runs/any", "--of", "density"])
-    assert "give RECORDS and SCENE in turn" in capsys.readouterr().err
+    assert "give pairs of RECORDS and SCENE" in capsys.readouterr().err
     monkeypatch.setattr(image, "find_spec", lambda _: None)
     with pytest.raises(SystemExit, match=r"needs JAX: pip install 'granular-lmp\[jax\]'"):
         image.main(["runs/any", "scene.toml", "--of", "density"])

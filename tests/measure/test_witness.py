@@ -167,9 +167,7 @@ def test_a_law_that_the_network_does_not_hold_is_refused(why: str, beads: Path, 
 
 FLOOR = Wall(1, -1, -0.01, STEEL)
 OUTSIDE = {
-    "a wall with friction = 0.1 and spheres with 0.5": {
-        "walls": (Wall(1, -1, -0.01, replace(STEEL, friction=0.1)),)
-    },
+    "a wall with friction = 0.1 and spheres with 0.5": {"walls": (Wall(1, -1, -0.01, replace(STEEL, friction=0.1)),)},
     "a wall with hooke": {"walls": (Wall(1, -1, -0.01, replace(STEEL, normal="hooke")),)},
     "a wall with JKR": {"walls": (Wall(1, -1, -0.01, replace(STEEL, normal="jkr", gamma=0.1)),)},
     "touches two opposite walls": {"walls": (FLOOR, replace(FLOOR, side=1, place=0.0099))},

@@ -191,7 +191,7 @@ def _unit(kind: str, value: float) -> tuple[str, float]:
 
 
 def figure(fitted: Fitted) -> "Figure":
-    """Return the figure of the points with fitted branches, or beside their predictions, and of the residuals."""
+    """Return the figure of the points with fitted branches, traces or predictions, and of the residuals."""
     fit, found = fitted.fit, fitted.found
     drawing = page(3.4)
     left, right = drawing.subplots(1, 2)
