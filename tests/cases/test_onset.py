@@ -67,10 +67,10 @@ def test_runs_that_cannot_tell_are_refused(runs: list[Record], tmp_path: Path) -
     done = sweep(sliding, {"effects.friction": [0.1]}, tmp_path / "sweep")
     with pytest.raises(ValueError, match=r"effects\.sliding = true: must be false"):
         onset([done.record(done.rows[0])], "opening")
-    with pytest.raises(ValueError, match="two runs have one amplitude"):
+    with pytest.raises(ValueError, match="two runs have the same wave.amplitude"):
         onset([runs[0], runs[0]], "opening")
     other = replace(runs[1], scene=runs[1].scene.with_values({"wave.phase": 0.1}))
-    with pytest.raises(ValueError, match=r"the runs must differ in wave\.amplitude alone"):
+    with pytest.raises(ValueError, match=r"the runs must differ only in wave\.amplitude"):
         onset([runs[0], other], "opening")
 
 

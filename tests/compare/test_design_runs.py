@@ -203,7 +203,7 @@ def test_lammps_runs_what_was_designed_and_has_its_objective(
     assert log["best_over_uniform"][-1] * searched().value(np.ones(24)) == pytest.approx(log["best"][-1], rel=1e-12)
     assert main([str(tmp_path / "0"), "--opposite", str(tmp_path / "1"), "--maximize", "second-harmonic"]) == 0
     assert float(capsys.readouterr().out.split()[-1]) == pytest.approx(log["best"][-1], rel=1e-4)
-    with pytest.raises(TheoryError, match="is read off 2 runs, not 1"):
+    with pytest.raises(TheoryError, match="needs 2 runs, not 1"):
         designs.read_off(records[:1], "second-harmonic")
     with pytest.raises(TheoryError, match="the runs must start with opposite signs, wave.phase = 0 and pi"):
         designs.read_off([records[0], records[0]], "second-harmonic")
@@ -230,7 +230,7 @@ def test_the_same_command_again_continues_and_any_other_is_refused(folder: Path)
     with pytest.raises(SystemExit, match="found: holds another search"):
         main(asked(folder, 4, **{"--per": "row"}))
     (folder / "found/design.json").unlink()
-    with pytest.raises(SystemExit, match=r"found: holds scene\.toml, which is of no search"):
+    with pytest.raises(SystemExit, match=r"found: holds scene\.toml without a search"):
         main(asked(folder, 4))
 
 

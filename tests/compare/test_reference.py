@@ -189,7 +189,7 @@ def test_contacts_that_slide_have_the_friction_of_the_run_and_cost_more(
     rough = compare.compare(replace(record, scene=record.scene.with_values({"effects.friction": 0.04})))
     assert rough.error["p"] > 1e-3
     monkeypatch.setattr(reference, "MOST_UNASKED", 48 * 2.0 * 39)  # each sphere costs as forty
-    assert "48 spheres until tau = 2 are above the 94 spheres times tau" in compare.compare(record).notes[-1]
+    assert "48 spheres until tau = 2 exceed 94 spheres times tau" in compare.compare(record).notes[-1]
 
 
 def test_a_run_to_a_tolerance_meets_it_against_the_network(tmp_path: Path) -> None:
@@ -215,7 +215,7 @@ def test_all_that_stands_against_the_network_is_said_at_once() -> None:
     record = Record.of_centre(tau, tau, tau, tau, scene, {})
     reason = Reference.of(record, wave_of(record)).reason
     assert "has no snapshots, and " in reason
-    assert "above the 1000000 spheres times tau" in reason
+    assert "exceed 1000000 spheres times tau" in reason
 
 
 def test_what_the_network_lacks_is_the_reason_why_nothing_is_compared(

@@ -188,7 +188,7 @@ def test_a_restitution_beside_a_sphere_that_only_rests_is_refused(beads: Path, t
     (tmp_path / "dump.fine").write_bytes((beads / "dump.fine").read_bytes())
     law = replace(STEEL, damping=0.9, shear_damping=1.0, damping_law="coeff_restitution")
     network_of(adopted(tmp_path, "fine", law, 2e-7, outside=Outside(held=(10,), frozen=(10,))))
-    with pytest.raises(TheoryError, match="beside sphere 10, which does not move, is not built"):
+    with pytest.raises(TheoryError, match="with sphere 10, which does not move, is not built"):
         witness(adopted(tmp_path, "fine", law, 2e-7, outside=Outside(held=(10,))))
 
 
