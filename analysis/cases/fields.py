@@ -94,7 +94,10 @@ def rest_of(particles: Any) -> Floats:
 
 
 def fields_of(particles: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
-    """Return the fields (T, N, 3) of u, v, φ in the snapshots of a run, in D0; with the names of the rates, those."""
+    """Return the fields (T, N, 3) of u, v, φ in the snapshots of a run, in D0.
+
+    moved, turned : attributes of a snapshot; "velocity" and "spin" give the rates.
+    """
     return np.array([field_of(each, moved, turned) for each in particles])
 
 

@@ -182,7 +182,7 @@ def table() -> list[Sequence[str]]:
     """Return the head and the rows of the table of cases for a page in ``docs/reference``."""
     cases = [Case.load(name) for name in names()]
     rows = [(f"`{each.name}`", f"[{each.title}](../{each.page})", f"{each.minutes:g}", each.says) for each in cases]
-    return [("case", "page", "minutes", "what it is about"), *rows]
+    return [("case", "page", "minutes", "subject"), *rows]
 
 
 def launch(words: Sequence[str]) -> None:

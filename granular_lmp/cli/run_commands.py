@@ -210,7 +210,7 @@ def _say_scene(path: Path, reading: "Reading", known: "Known", record: "Unnamed"
     if path.exists() and not options.force:
         remark(f"note: {path}: exists already, so that no scene was sought; use --force to replace it")
         return
-    left = f"; {path} is of an earlier deck" if path.exists() else ""
+    left = f"; {path} belongs to an earlier deck" if path.exists() else ""
     if options.units or options.timestep or options.radius or options.density or options.law:
         remark(f"note: no scene is sought if options replace values of the deck{left}")
         return

@@ -165,7 +165,7 @@ def lattice(wave: Wave, tau: NDArray[np.float64], rtol: float) -> Trajectory:
     return torus(wave, tau, rtol=rtol)
 
 
-# --- what to take ----------------------------------------------------------------------------------------------------
+# --- recommendation --------------------------------------------------------------------------------------------------
 
 
 def front(settings: Iterable[Setting], component: str | None = None) -> list[Setting]:

@@ -80,7 +80,7 @@ def error_budget(record: Record, wave: Wave, measured: Errors, exact: Trajectory
         Source(_named(line), "run", line["p"], line["q"], line["phi"], line["to_halve"])
         for line in record.info.get("error_budget", [])
     ]
-    found = {("run", "all of it, measured"): (dict(measured), "what is largest above")}
+    found = {("run", "all of it, measured"): (dict(measured), "the largest error above")}
     if wave.contact.overlap_ratio:
         found["theory", "geometry"] = (
             _distance(trajectory("exact-lattice", points_of_contact(wave), record.tau), exact, measured),

@@ -316,7 +316,7 @@ def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison
     found = differences(records)
     if not found:
         return []
-    lines = ["", "what differs between the scenes:"]
+    lines = ["", "differences between the scenes:"]
     for number, comparison in enumerate(comparisons):
         own = (f"{key} = {row[number]!r}" for key, row in found.items() if row[number] is not None)
         lines.append(f"  {comparison.run}: " + ", ".join(own))

@@ -62,7 +62,7 @@ UNITS = {  # units of the properties of a sphere
 }  # fmt: skip
 OBJECTIVES = "second-harmonic, largest:MONITOR, motion:MONITOR or motion:MONITOR/OTHER"
 GOALS = ("growth", "frequency", "gap", "passing")
-# Keys that rows for scattering leave out: those are one layer of equal contacts in the plane
+# Keys that are refused for passing, whose rows must be one layer with equal contacts, in the plane
 BEYOND_ROWS = {key for key in CRYSTAL_KEYS if key.startswith(("contact.", "substrate."))} | {
     f"packing.{name}" for name in ("space", "layers", "depth", "orientation")
 }
@@ -264,7 +264,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="KEY" if searched else ("KEY", "LOW", "HIGH"),
         help="key of the scene to vary, with its bounds; with --maximize the word density",
     )
-    scene.add_argument("--best", choices=GOALS, default="growth", help="quantity to maximise (default: growth)")
+    scene.add_argument(
+        "--best",
+        choices=GOALS,
+        default="growth",
+        help="quantity to maximise; frequency: to reach --at (default: growth)",
+    )
     scene.add_argument("--least", action="store_true", help="minimise instead of maximise")
     scene.add_argument("--at", type=float, default=0.0, metavar="HERTZ", help="frequency of the wave that resonates")
     scene.add_argument(
@@ -312,7 +317,7 @@ def _options_of_runs(command: argparse.ArgumentParser) -> argparse._ArgumentGrou
     runs.add_argument("--same-mass", action="store_true", help="keep the mean density")
     runs.add_argument(
         "--robust", type=float, default=0.0, metavar="SHARE",
-        help="maximise the mean over crystals with random relative errors of this size in their densities",
+        help="maximise the mean over crystals whose densities have random errors of this relative standard deviation",
     )  # fmt: skip
     runs.add_argument("--seeds", type=positive, default=1, metavar="N", help="number of such crystals (default: 1)")
     runs.add_argument("--start", type=int, default=1, metavar="SEED", help="seed of the first densities (default: 1)")

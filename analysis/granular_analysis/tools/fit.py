@@ -56,7 +56,7 @@ class Fitted:
 
 
 def table(fitted: Fitted) -> str:
-    """Return the keys with their intervals, the quality of the fit, what it cannot determine, and the points."""
+    """Return the keys with their intervals, the quality of the fit, keys that it cannot determine, and the points."""
     fit, found = fitted.fit, fitted.found
     lines = [f"{'key':30}{'fitted':>13}{'95 % from':>13}{'to':>13}{'start':>13}"]
     for each, value, (low, high) in zip(found.parameters, found.values, found.intervals, strict=True):
