@@ -104,7 +104,7 @@ def _ends(scene: Scene, sites: Sites, striker: int, point: Point) -> list[int]:
             raise ValueError(f"line {point.line}: row {row}, column {column}: must be below {rows} and {columns}")
         found.append(row * columns + column)
     if found[1:] == found[:1]:
-        raise ValueError(f"line {point.line}: a speed needs two spheres, and both ends are one in row {point.row}")
+        raise ValueError(f"line {point.line}: both ends of the speed are one sphere in row {point.row}; it needs two")
     return found
 
 

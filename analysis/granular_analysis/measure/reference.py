@@ -14,9 +14,9 @@ the run:
 A run without a wave (strikers and states alone) can only be compared with the network, in all spheres that it records;
 a run in space only with the network, in its recorded sphere.
 
-The default is the best theory of the wave. If no theory holds the run, the default is the network, unless the run is
-long (`MOST_UNASKED`); then the second order of the crystal. If that leaves something out too, there is no reference.
-`Reference.reason` says why.
+The default is the best theory of the wave. If no theory holds the run, the default is the network, unless the network
+leaves something out, the run lacks a first snapshot, or it is long (`MOST_UNASKED`). Then the default is the second
+order of the crystal. If that leaves something out too, there is no reference. `Reference.reason` says why.
 """
 
 from dataclasses import dataclass, replace
@@ -47,8 +47,8 @@ Floats = NDArray[np.float64]
 RTOL = 1e-9  # a thousandth of the error that LAMMPS's time step leaves
 SLIDING_STEP = 1 / 80  # longest step, τ, if contacts may slide: leaves an error of 3e-6 D0, of second order in the step
 # Spheres times τ that the default integrates, a quarter of a minute. Contacts that slide, or adhere and open, shorten
-# the steps of all spheres (docs/network.md), so that one sphere costs as much as 40. Hertz's contacts that open have a
-# force without a jump, and one sphere costs as much as 8
+# the steps of all spheres (docs/network.md): each then counts as 40 spheres. Hertz's contacts that open have a force
+# without a jump, and each sphere counts as 8
 MOST_UNASKED = 1e6
 COSTS_AS_MANY = {"slide": 40, "snap": 40, "open": 8}
 

@@ -208,7 +208,7 @@ def _snapshots(record: Record) -> Path:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[TextIO]:
-    """Open a dump; raise TheoryError if the file is binary or has a word in place of a number."""
+    """Open a dump; raise TheoryError if the file is not text, or has a word in place of a number."""
     with path.open(encoding="utf-8") as stream:
         try:
             yield stream

@@ -378,5 +378,5 @@ def table(crystal: Unnamed, found: Witness) -> str:
     if found.cause:
         lines.append(f"{found.cause} explains this" if found.cause == "the step" else f"{found.cause} explain this")
     if not found.explained:
-        lines.append("neither step nor digits explain this: the deck has a force or a slip that law and dump lack")
+        lines.append("neither step nor digits explain this: the deck has physics that law and dump do not contain")
     return "\n".join([*lines, *(f"note: {each}" for each in found.reasons)])
