@@ -47,7 +47,7 @@ def test_where_no_parabola_is_known_the_interval_is_the_answer(left: list[float]
 
 
 def test_an_event_in_the_first_run_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"wave\.amplitude = 1 has the event already"):
+    with pytest.raises(ValueError, match=r"wave\.amplitude = 1: is beyond the onset already"):
         crossing([1, 2, 3], [-0.1, -0.2, -0.3], [True, True, True])
 
 

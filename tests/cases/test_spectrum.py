@@ -267,7 +267,7 @@ def test_runs_that_differ_in_more_than_the_step_are_no_pair() -> None:
         ({"wave.phase": 0.4}, "wave.phase = 0.4"),
         ({"effects.viscosity": 1e-7, "effects.damping": True}, "the closed form leaves out"),
         ({"wave.form": "standing"}, "leaves out wave.form = 'standing'"),
-        ({"wave.direction": 60.0, "packing.columns": 24}, "is not along y"),
+        ({"wave.direction": 60.0, "packing.columns": 24}, "the wave must run along y"),
     ],
 )
 def test_runs_that_have_no_such_amplitude_are_refused(changes: dict[str, object], said: str) -> None:
