@@ -1,1 +1,1 @@
-"""Cases: what one figure needs, each in a folder `NAME` of its own. `granular-analysis case NAME` runs one."""
+"""Cases: runs, script and expected numbers of a figure, in a folder `NAME`. `granular-analysis case NAME` runs one."""

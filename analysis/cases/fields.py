@@ -1,4 +1,4 @@
-"""Fields of all spheres of a periodic hexagonal sheet, read off snapshots: places, waves, components along the wave."""
+"""Fields of all spheres of a periodic hexagonal sheet, from snapshots: places, waves, components along a wave."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,9 +18,9 @@ ROW = np.sqrt(0.75)  # spacing of rows in lattice constants
 
 @dataclass(frozen=True)
 class Sheet:
-    """The places of a periodic hexagonal sheet, row by row as in LAMMPS's deck; lengths in lattice constants.
+    """Places of a periodic hexagonal sheet, row by row as in LAMMPS's deck; lengths in lattice constants.
 
-    Raises ValueError for an odd number of rows, and for none.
+    Raises ValueError for an odd number of rows, and for a sheet without rows or columns.
     """
 
     rows: int
@@ -38,14 +38,14 @@ class Sheet:
 
     @cached_property
     def rest(self) -> Floats:
-        """Return the positions (N, 2) at rest; no sphere is on the border of the cell."""
+        """Return the places (N, 2) at rest; no sphere is on the border of the cell."""
         row, column, odd = self._index
         x, y = column - self.columns // 2 + 0.25 + 0.5 * odd, (row - (self.rows - 1) // 2) * ROW
         return np.stack([x, y], axis=-1).reshape(-1, 2)
 
     @cached_property
     def wavevectors(self) -> Floats:
-        """Return half of the wave vectors that the sheet holds, (R, columns//2 + 1, 2), −k being the conjugate of k."""
+        """Return the wave vectors that fit the sheet, (R, columns//2 + 1, 2): one of k and −k, which are conjugates."""
         y, x = np.indices((self.rows, self.columns // 2 + 1))
         return 2 * np.pi * np.stack([x / self.columns, y / (self.rows * ROW)], axis=-1)
 
@@ -65,33 +65,42 @@ class Sheet:
 
 
 def component(field: Floats, rest: Floats, wavevector: ArrayLike) -> Complexes:
-    """Return the amplitude X of a wave vector in a field: X = (2/N) Σ field e^{−ik·r}, of a real field Re[X e^{ik·r}].
+    """Return the amplitude X = (2/N) Σ field e^{−ik·r} of a wave vector in a real field Re[X e^{ik·r}], (..., 3).
 
-    Shapes (..., N, 3), (N, 2) in lattice constants and (2,) in their inverse give (..., 3). Other waves leak in where
-    the sheet does not hold this one. Where −k is k (at k = 0, in the middle of the zone's sides) it is twice as large.
+    Parameters
+    ----------
+    field : (..., N, 3).
+    rest : (N, 2) places, lattice constants.
+    wavevector : (2,) k, rad per lattice constant.
+
+    When it breaks: other waves leak into X unless k fits the sheet. If k and −k are the same wave vector (k = 0, and
+    the middles of the zone's sides), X is twice the amplitude.
     """
     phases = np.exp(-1j * rest @ np.asarray(wavevector, dtype=float))
     return 2 / len(rest) * np.einsum("...nc,n->...c", field, phases)
 
 
 def in_frame(field: FieldOrWave, wavevector: ArrayLike) -> FieldOrWave:
-    """Return (…, 3) of u, v, φ as p along k (…, 2), q along ẑ × k, φ; k = 0 counts as along y."""
+    """Return p along k (…, 2), q along ẑ × k, and φ, (…, 3), of a field of u, v, φ; k = 0 counts as along y."""
     x, y = np.moveaxis(unit(wavevector), -1, 0)
     u, v, phi = np.moveaxis(field, -1, 0)
     return np.stack([x * u + y * v, x * v - y * u, phi], axis=-1)
 
 
 def rest_of(particles: Any) -> Floats:
-    """Positions (N, 2) at rest of the spheres of a run, in lattice constants."""
+    """Return the places (N, 2) at rest of the spheres of a run, in lattice constants."""
     sphere = particles.scene.sphere
     return particles.rest * sphere.radius / sphere.lattice_constant
 
 
 def fields_of(particles: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
-    """Fields (T, N, 3) of u, v, φ of the snapshots of a run, in D0, or by other names their rates."""
+    """Return the fields (T, N, 3) of u, v, φ in the snapshots of a run, in D0.
+
+    moved, turned : attributes of a snapshot; "velocity" and "spin" give the rates.
+    """
     return np.array([field_of(each, moved, turned) for each in particles])
 
 
 def field_of(spheres: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
-    """Field (N, 3) of one snapshot, as `fields_of`."""
+    """Return the field (N, 3) of one snapshot, see `fields_of`."""
     return np.column_stack([getattr(spheres, moved), getattr(spheres, turned)])

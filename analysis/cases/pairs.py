@@ -8,14 +8,14 @@ from granular_lmp.runs.record import Record
 
 
 def by_wave(records: Iterable[Record]) -> list[list[Record]]:
-    """Return the runs of each wave, the finest step first: one run, or two of steps h/2 and h to be extrapolated.
+    """Return the runs of each wave: one run, or two runs with steps h/2 and h to extrapolate, the finer one first.
 
-    Two runs are of one wave if their scenes differ in name, description and time step only.
+    Runs belong to one wave if their scenes differ only in name, description and time step.
 
     Raises
     ------
     ValueError
-        For other runs of one wave: more than two, steps that are no pair, records of different length.
+        For a wave with more than two runs, with steps other than h/2 and h, or with records of different length.
     """
     waves: dict[str, list[Record]] = {}
     for record in records:
@@ -26,5 +26,5 @@ def by_wave(records: Iterable[Record]) -> list[list[Record]]:
         pair = len(rest) == 1 and isclose(rest[0].scene.time.step, 2 * scene.time.step)
         if rest and not (pair and len(rest[0].tau) == len(fine.tau)):
             wave = f"{scene.require_wave().mode}, xi = {scene.wavenumber:.5g} at {scene.direction:.5g} degrees"
-            raise ValueError(f"{wave}: {1 + len(rest)} runs that are no pair of steps h and h/2")
+            raise ValueError(f"{wave}: {1 + len(rest)} runs are not a pair with steps h and h/2")
     return groups

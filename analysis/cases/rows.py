@@ -1,4 +1,4 @@
-"""Runs along y whose rows move as one: read row by row from their snapshots, and their tones and waves by amplitude."""
+"""Runs along y whose rows move as one: motion of the rows from snapshots, and amplitudes of its tones and waves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ Complexes = NDArray[np.complexfloating]
 
 _ALONG_Y = HOLDS["second-order"] - {RUNNING, OBLIQUE, JKR}
 FORMS = {"standing": _ALONG_Y | {STANDING}, "driven": _ALONG_Y | {DRIVEN} | QUIET}  # traits that their theories hold
-AIRY = 3.5  # widths d^{1/3}, after d rows, ahead of a front at which the lattice moves by 1e-6 of the wave
+AIRY = 3.5  # distance ahead of a front, in widths d^{1/3} after d rows, at which the motion is 1e-6 of the wave
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Displacements of whole rows of a run, (T, rows) each, in D0: every row's mean over its spheres."""
+    """Displacements of whole rows of a run, (T, rows) each, in D0: the mean over the spheres of each row."""
 
     tau: Floats
     p: Floats
@@ -36,10 +36,10 @@ class Rows:
 
 
 def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
-    """Load a run whose wave, along y, has the form, and the motion of its rows.
+    """Return a run whose wave along y has a given form, and the motion of its rows.
 
-    Raises SystemExit with one line for another form, a run without snapshots, and physics that the theory of the form
-    does not hold.
+    Raises SystemExit with one line for another form, for a run without snapshots, and for physics that the theory of
+    the form leaves out.
     """
     record = load(folder)
     found = record.scene.require_wave().form
@@ -54,7 +54,7 @@ def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
 
 
 def rows_of(record: Record) -> Rows:
-    """Return the snapshots of a run, row by row; GranularError where there are none."""
+    """Return the motion of the rows in the snapshots of a run; GranularError without snapshots."""
     particles, shape = record.snapshots(), record.scene.shape
     displacement, rotation = particles.stacks("displacement", "rotation")
     moved = displacement.reshape(-1, shape.rows, shape.columns, 2).mean(axis=2)
@@ -63,31 +63,35 @@ def rows_of(record: Record) -> Rows:
 
 
 def echo(distance: ArrayLike) -> Floats:
-    """τ after which a signal that has run so many rows arrives, to 1e-6: ½ row per τ, Airy's d^{1/3} ahead of it."""
+    """Return the τ before which less than 1e-6 of a signal has arrived after a number of rows d.
+
+    The front runs ½ row per τ; its Airy head runs ahead of it by 3.5 d^{1/3} rows.
+    """
     rows = np.asarray(distance, dtype=float)
     return 2 * np.maximum(rows - AIRY * np.cbrt(rows), 0)
 
 
 def amplitudes_at(tau: Floats, signals: Floats, frequencies: ArrayLike) -> tuple[Floats, Complexes]:
-    """Mean (N,) and amplitudes (F, N) of e^{−iΩτ} in signals (T, N), beside a slope, by least squares, Hann-weighted.
+    """Return mean (N,) and amplitudes (F, N) of e^{−iΩτ} in signals (T, N), by least squares with a Hann window.
 
-    The window lowers what other frequencies of a wave just switched on leave in the amplitudes.
+    The fit also has a slope in τ. The window lowers the leakage from other frequencies, which a wave has after it was
+    switched on.
     """
     angles = np.multiply.outer(tau, frequencies)
     columns = np.column_stack([np.ones_like(tau), tau - np.mean(tau), np.cos(angles), np.sin(angles)])
-    weights = np.sin(np.pi * (np.arange(len(tau)) + 0.5) / len(tau))[:, None]  # squared, they are Hann's
+    weights = np.sin(np.pi * (np.arange(len(tau)) + 0.5) / len(tau))[:, None]  # their squares are the Hann window
     factors, *_ = np.linalg.lstsq(columns * weights, signals * weights, rcond=None)
     count = angles.shape[1]
     return factors[0], factors[2 : 2 + count] + 1j * factors[2 + count :]
 
 
 def waves(field: NDArray[np.complexfloating], at: ArrayLike, wavenumbers: Sequence[float]) -> tuple[Complexes, float]:
-    """Return the amplitudes of e^{ikn} in a field (n,) at places (n,), and what they leave of it, relative.
+    """Return the amplitudes of e^{ikn} in a field (n,) at places (n,), and the relative norm of the rest.
 
     Raises ValueError for fewer places than waves.
     """
     if len(field) < len(wavenumbers):
-        raise ValueError(f"{len(field)} rows: must be at least {len(wavenumbers)}, as many as the waves in them")
+        raise ValueError(f"{len(field)} rows: must be at least {len(wavenumbers)}, the number of waves to fit")
     basis = np.exp(1j * np.multiply.outer(at, np.asarray(wavenumbers)))
     found = np.linalg.lstsq(basis, field, rcond=None)[0]
     return found, float(np.linalg.norm(basis @ found - field) / np.linalg.norm(field))

@@ -1,11 +1,11 @@
-"""Run a case: its runs, its script, and its numbers beside those that are expected.
+"""Run a case: make its runs, run its script, and compare its numbers with the expected ones.
 
     granular-analysis case NAME... [--runs DIR] [--figures DIR] [--workers N] [--measure]
     granular-analysis cases [NAME...]
 
-A case is a folder ``analysis/cases/NAME``. ``case.toml`` says what it is about, and holds the commands of its runs and
-of pictures that need no script; ``case.py`` measures the runs, prints a table and draws the figure; ``expected.json``
-holds numbers of that table, each with a tolerance and its reason. The exit status is 1 if one of them is missed.
+A case is a folder ``analysis/cases/NAME``. ``case.toml`` holds its subject, the commands of its runs, and commands of
+pictures that need no script. ``case.py`` measures the runs, prints a table and draws the figure. ``expected.json``
+holds numbers of that table, each with a tolerance and its reason. The exit status is 1 if a number is missed.
 """
 
 import argparse
@@ -30,13 +30,21 @@ from typing import Any
 
 CASES = Path(__file__).parent
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|nan|inf)(?![\w.])")
-PROGRAMS = {"granular-lmp": ["-P", "-m", "granular_lmp"]}  # -P: nothing of the folder is imported
-CONTINUED = ("sweep", "cost")  # commands that keep what is finished in a folder; others begin again
+PROGRAMS = {"granular-lmp": ["-P", "-m", "granular_lmp"]}  # -P: imports nothing from the current folder
+CONTINUED = ("sweep", "cost")  # commands that keep finished runs of a folder; others start again
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number that a case prints: which of the numbers behind the words that begin its line, spaces joined."""
+    """A number that a case prints.
+
+    Attributes
+    ----------
+    line : start of its line, with single spaces between words.
+    number : number of the value behind these words, from 1.
+    value, tolerance : expected value, and the largest difference from it.
+    reason : reason of the tolerance.
+    """
 
     line: str
     number: int
@@ -45,7 +53,7 @@ class Number:
     reason: str
 
     def missed(self, printed: str) -> str:
-        """Return how the number misses in what a case printed; "" if it does not."""
+        """Return a sentence if the number in the output of a case is missing or off; "" if it is as expected."""
         wanted = f"{self.line!r}, number {self.number}: must be {self.value:g} ± {self.tolerance:g} ({self.reason})"
         lines = (" ".join(line.split()) for line in printed.splitlines())
         rest = next((line.removeprefix(self.line) for line in lines if line.startswith(self.line)), "")
@@ -57,7 +65,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Run:
-    """A command that makes a run folder, and in its words ``$name`` for each of the values of `each`."""
+    """A command that makes a run folder; ``$name`` in its words stands for each of the values of `each` in turn."""
 
     folder: str
     command: str
@@ -73,11 +81,19 @@ class Run:
 
 @dataclass(frozen=True)
 class Case:
-    """The subject of a case, its page, its commands, and the arguments of its script behind the run folders.
+    """A case.
 
-    page : the page that shows it, from the folder of the docs; without one it is the case's own README.md.
-    figure : file of the figure; None where all that is drawn are `pictures`, commands that draw runs.
-    minutes : processor time of all of it.
+    Attributes
+    ----------
+    name : folder of the case.
+    says : subject, in words.
+    page : page that shows the case, relative to the folder of the docs; by default the README.md of the case.
+    minutes : processor time of runs and script.
+    figure : file of the figure; None if the case has only `pictures`.
+    arguments : arguments of the script; ``$folders`` stands for the run folders.
+    short : abbreviations in the commands of the runs.
+    run : commands that make the run folders.
+    pictures : commands that draw runs.
     """
 
     name: str
@@ -92,17 +108,17 @@ class Case:
 
     @classmethod
     def load(cls, name: str) -> "Case":
-        """Return a case by its name. Raises ValueError for a name that is not there."""
+        """Return the case with a name; raise ValueError if there is none."""
         try:
             table = tomllib.loads((CASES / name / "case.toml").read_text("utf-8"))
         except OSError:
-            raise ValueError(f"{name}: is no case; granular-analysis cases lists them") from None
+            raise ValueError(f"{name}: is not a case; granular-analysis cases lists all cases") from None
         table.setdefault("page", f"../analysis/cases/{name}/README.md")
         return cls(name, **table | {"run": [Run(**run) for run in table.get("run", ())]})
 
     @property
     def title(self) -> str:
-        """Name of the page: its file's, or its folder's where it is the README of a case."""
+        """Title of the page: the name of its file, or for the README of a case the name of the folder."""
         path = Path(self.page)
         return path.parent.name if path.name == "README.md" else path.stem
 
@@ -111,7 +127,7 @@ class Case:
         return {folder: words for run in self.run for folder, words in run.expanded(self.short)}
 
     def script(self) -> Any:
-        """Return the module that measures and draws: the case's own, or the command of its name."""
+        """Return the module that measures and draws: ``case.py``, or the tool with the name of the case."""
         own = (CASES / self.name / "case.py").is_file()
         return import_module(f"cases.{self.name}.case" if own else f"granular_analysis.tools.{self.name}")
 
@@ -127,7 +143,7 @@ def names() -> list[str]:
 
 
 def simulate(case: Case, folder: Path, workers: int) -> None:
-    """Run the commands of a case: single runs side by side, sweeps one after another with as many workers."""
+    """Run the commands of a case: single runs in parallel, then sweeps one after another, each with all workers."""
     single, swept = [], []
     for command in commands(case, folder):
         if command[1] in CONTINUED:
@@ -141,12 +157,12 @@ def simulate(case: Case, folder: Path, workers: int) -> None:
 
 
 def commands(case: Case, folder: Path) -> list[list[str]]:
-    """Return the words of the command of each run of a case, into folders of `folder`."""
+    """Return the words of the command of each run of a case, with run folders inside `folder`."""
     return [[*words, "-o", str(folder / name)] for name, words in case.runs().items()]
 
 
 def drawing(case: Case, runs: Path, figures: Path) -> list[list[str]]:
-    """Return the words of the commands that draw a case: its pictures, and its script."""
+    """Return the words of the commands that draw a case: its pictures, then its script."""
     folders = shlex.join(str(runs / name) for name in case.runs())
     where = {"folders": folders, "runs": shlex.quote(str(runs)), "figures": shlex.quote(str(figures))}
     drawn = [shlex.split(Template(picture).substitute(where)) for picture in case.pictures]
@@ -157,27 +173,27 @@ def drawing(case: Case, runs: Path, figures: Path) -> list[list[str]]:
 
 
 def recipe(case: Case) -> list[str]:
-    """Return the commands that make a case, its runs and its figures, as lines to copy."""
+    """Return the commands that make the runs and figures of a case, as lines to copy."""
     runs = Path("runs", case.name)
     return [shlex.join(words) for words in (*commands(case, runs), *drawing(case, runs, Path("figures")))]
 
 
 def table() -> list[Sequence[str]]:
-    """Return the cases as rows of a table of Markdown, its head first, for a page in ``docs/reference``."""
+    """Return the head and the rows of the table of cases for a page in ``docs/reference``."""
     cases = [Case.load(name) for name in names()]
     rows = [(f"`{each.name}`", f"[{each.title}](../{each.page})", f"{each.minutes:g}", each.says) for each in cases]
-    return [("case", "page", "minutes", "what it is about"), *rows]
+    return [("case", "page", "minutes", "subject"), *rows]
 
 
 def launch(words: Sequence[str]) -> None:
-    """Run one command. Raises SystemExit if it fails; what it says stands above."""
+    """Run one command, which prints its own errors; raise SystemExit if it fails."""
     program, *rest = words
     if status := subprocess.run([sys.executable, *PROGRAMS[program], *rest], check=False).returncode:
         raise SystemExit(f"{shlex.join(words)}: ended with status {status}")
 
 
 def measure(case: Case, runs: Path, figures: Path) -> list[str]:
-    """Measure the runs of a case and draw; returns the expected numbers that are missed."""
+    """Measure and draw the runs of a case; return a sentence for each expected number that is missed."""
     drawn = drawing(case, runs, figures)
     script = drawn.pop() if case.figure else None
     for picture in drawn:
@@ -191,20 +207,20 @@ def measure(case: Case, runs: Path, figures: Path) -> list[str]:
 
 
 def listing() -> str:
-    """Return a line for each case: name, minutes of processor time, page, what it is about."""
+    """Return a line for each case: name, minutes of processor time, page, subject."""
     cases = map(Case.load, names())
     return "\n".join(f"{each.name:14} {each.minutes:5g} min  {each.title:24} {each.says}" for each in cases)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the cases that the command line names; returns 1 if a number is not as expected."""
+    """Run the cases on the command line; return 1 if a number is not as expected."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("cases", nargs="*", metavar="NAME", help="cases; granular-analysis cases lists them")
-    parser.add_argument("--list", action="store_true", help="list the cases; of those that are named, the commands")
+    parser.add_argument("--list", action="store_true", help="list all cases, or the commands of the named ones")
     parser.add_argument("--runs", type=Path, metavar="DIR", help="folder of the runs (default: runs/NAME)")
     parser.add_argument("--figures", type=Path, default=Path("figures"), metavar="DIR", help="default: figures")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), metavar="N", help="default: all processors")
-    parser.add_argument("--measure", action="store_true", help="make no runs: measure those that are there")
+    parser.add_argument("--measure", action="store_true", help="make no runs, only measure existing ones")
     chosen = parser.parse_args(argv)
     try:
         cases = [Case.load(name) for name in chosen.cases]

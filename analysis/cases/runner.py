@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 T = TypeVar("T")
-Option = tuple[type, Any, str]  # of its value: the type, the default, the help
-POISSON_RATIO: Mapping[str, Option] = {"poisson_ratio": (float, SILICA, "of the spheres")}
+Option = tuple[type, Any, str]  # type and default of the value, and help
+POISSON_RATIO: Mapping[str, Option] = {"poisson_ratio": (float, SILICA, "Poisson's ratio of the spheres")}
 
 
 def swept(folders: Sequence[str]) -> list[Record]:
-    """Return the finished runs of all sweeps, those of each by wave number."""
+    """Return the finished runs of all sweeps, sweep by sweep, each sorted by wave number."""
     return [record for folder in folders for record in sweep(folder)]
 
 
@@ -40,16 +40,16 @@ def script(
     figure: str = "",
     options: Mapping[str, Option] | None = None,
 ) -> Callable[[Sequence[str] | None], int]:
-    """Return the command line of a case. Its errors are one line and SystemExit.
+    """Return the command line of a case; it turns an error of bad input into SystemExit with one line.
 
     Parameters
     ----------
     case : ``__name__`` of its module.
-    measure : of what `takes` says, if there is anything, and the values of the options by name.
-    table, draw : of what was measured. The table is printed first, as a figure may fail.
-    takes : how the folders of the arguments are read, a word of `READ`, and what they are.
-    figure : file name of the figure; by default that of the case.
-    options : by name, as "poisson_ratio" of ``--poisson-ratio``.
+    measure : function of the runs, if the case takes any, and of the options by name.
+    table, draw : functions of the result of `measure`. The table is printed first, as a figure may fail.
+    takes : key of `READ` that reads the folders of the arguments, and the help on these folders.
+    figure : file name of the figure; by default the name of the case.
+    options : options by name; "poisson_ratio" becomes ``--poisson-ratio``.
     """
     kind, folders = takes
 

@@ -1,4 +1,4 @@
-"""Records of strikes on spheres that just touch: what a measurement holds of them, and which spheres they have."""
+"""Records of strikes on spheres that just touch: allowed keys of their scenes, recorded spheres, overlap at rest."""
 
 from typing import Any
 
@@ -13,12 +13,12 @@ Integers = NDArray[np.intp]
 
 
 def require(record: Record, *held: str) -> None:
-    """Raise ValueError if a scene has more than strikers, by the names below, that is not `held`.
+    """Raise ValueError if a scene has one of the following features that is not named in `held`.
 
     held : any of "start.state", "start.noise", "packing.contact_force", "effects.friction", "effects.restitution",
         "effects.viscosity", "disorder", "inclusion".
     """
-    scene: Any = record.scene  # nothing of it is "auto"
+    scene: Any = record.scene  # every "auto" is decided
     disorder = scene.disorder
     there = {
         "start.state": bool(scene.start.state),
@@ -32,16 +32,16 @@ def require(record: Record, *held: str) -> None:
     }
     for name, given in there.items():
         if given and name not in held:
-            raise TheoryError(f"{scene.name}: {name}: must be left out; what is measured or set beside it lacks it")
+            raise TheoryError(f"{scene.name}: {name}: must be left out, because this measurement does not include it")
 
 
 def recorded(scene: Scene) -> Integers:
-    """Return the indices of the recorded spheres of a lattice: all, if the scene names none."""
+    """Return the indices of the recorded spheres of a lattice; all spheres if the scene names none."""
     sites, named = Sites.of(scene), scene.output.rows or scene.output.spheres
     return sites.chosen(scene.output) if named else np.arange(len(sites.row))
 
 
 def rest_overlap(scene: Scene) -> float:
-    """Return (F0/A)^{2/3} of two of the declared spheres that are pressed together, in ℓ."""
+    """Return the overlap at rest (F0/A)^{2/3} of two of the declared spheres under the load F0, in ℓ."""
     length, _ = scale_of_strike(scene)
     return float((scene.packing.contact_force / hertz(scene)) ** (2 / 3) / length)

@@ -31,7 +31,7 @@ def add(commands: Commands, name: str, command: Callable[[Options], int], text: 
 
 
 def scene_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add SCENE and what changes it; `scene_of` reads them."""
+    """Add SCENE and the options that change it; `scene_of` reads them."""
     parser.add_argument("scene", metavar="SCENE", help="TOML file, folder with scene.toml, or name of a shipped scene")
     changes_argument(parser, "wave.wavenumber=1.2")
     parser.add_argument(
@@ -102,7 +102,7 @@ def positive(text: str) -> int:
 
 
 def changes_of(options: Options) -> dict[str, Any]:
-    """Return dotted key → value for what ``--set`` changes."""
+    """Return the changes by ``--set``, as dotted key → value."""
     from granular_lmp.rest.scene import assignment
 
     return dict(assignment(change) for change in options.changes)

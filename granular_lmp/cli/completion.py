@@ -18,7 +18,7 @@ SHELLS = tuple(_FUNCTIONS)
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser whose arguments SCENE, DIR and FILE determine what completes them."""
+    """Parser that selects the completion of an argument by its metavar: SCENE, DIR or FILE."""
 
     def add_argument(self, *names: Any, **how: Any) -> argparse.Action:
         """Add an argument as argparse does."""

@@ -29,7 +29,7 @@ def _lint(options: Options) -> int:
     if reading.stopped and not (found or reading.stages):
         raise DeckError(reading.stopped)
     if reading.stopped:
-        remark(f"note: {reading.stopped}; what follows was not read")
+        remark(f"note: {reading.stopped}; the rest of the deck was not read")
     if reading.start and not reading.start.exact:
         remark(f"note: {options.deck}: contacts are judged before a minimization, which was not done")
     if not reading.stages:

@@ -107,7 +107,7 @@ def _open_streams() -> None:
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (as long as the process)
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a folder's name may hold what the terminal cannot show
+        sys.stdout.reconfigure(errors="backslashreplace")  # a folder's name may not be printable
 
 
 def _drop_unwritten() -> None:

@@ -107,7 +107,7 @@ def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     else:
         _say_modes(scene, table)
         if cell:
-            say(f"longitudinal waves along the chain as it is, which repeats after {len(cell[0])} rows:")
+            say(f"longitudinal waves along the actual chain (rows in a cell: {len(cell[0])}):")
             for line in as_text(bands, t0):
                 say(line)
 
@@ -204,7 +204,7 @@ def _say_modes(scene: "Scene", table: Table) -> None:
     say(f"{where}; t0 = {scene.sphere.time_scale:.6g} s; {shapes}")
     if left_out := _left_out(scene):
         start = "" if scene.wave is None else ", the crystal in which the wave starts"
-        say(f"of the perfect lattice{start}; left out: {left_out}")
+        say(f"modes of the perfect lattice{start}; left out: {left_out}")
     columns = [key for key, value in table[0].items() if isinstance(value, float) and "frequency" not in key]
     width = 10 if by_share else 12
     head = "".join(f"{column:>{width}}" for column in columns)
@@ -279,7 +279,7 @@ def _say_corners(table: Table, corners: tuple[tuple[float, str], ...]) -> None:
         at = min(ways, key=lambda each: abs(each - way))
         rows = {row["branch"]: row["frequency_Hz"] for row in table if row["way"] == at}
         say(f"{name:2} (Hz) " + " ".join(f"{frequency:.6g}" for frequency in rows.values()))
-    say("--json, --csv FILE and --plot FILE have all wave vectors")
+    say("--json, --csv FILE and --plot FILE give all wave vectors")
 
 
 def _say_density(table: Table) -> None:
@@ -287,8 +287,8 @@ def _say_density(table: Table) -> None:
     there = [row for row in table if row["density_per_Hz"] > 0]
     most = max(there, key=lambda row: float(row["density_per_Hz"]))
     say(f"modes from {there[0]['frequency_Hz']:.6g} to {there[-1]['frequency_Hz']:.6g} Hz")
-    say(f"most at {most['frequency_Hz']:.6g} Hz: {most['density_per_Hz']:.6g} of all, per Hz")
-    say("--json, --csv FILE and --plot FILE have the whole density")
+    say(f"largest density at {most['frequency_Hz']:.6g} Hz: share of {most['density_per_Hz']:.6g} of the modes per Hz")
+    say("--json, --csv FILE and --plot FILE give the whole density")
 
 
 def _write(table: Table, options: Options) -> None:

@@ -35,7 +35,7 @@ def remark(line: str, end: str = "\n") -> None:
 
 @contextmanager
 def notes_of_log() -> Iterator[None]:
-    """Print what the package logs at level INFO, each sentence once."""
+    """Print the log messages of the package at level INFO, each sentence once."""
     import logging  # kept out of --help
 
     said = set[str]()

@@ -60,7 +60,7 @@ def add_to(commands: Commands) -> None:
 
     _add_adopt(commands)
 
-    accept = add(commands, "accept", _accept, "accept the files of a finished run although they were changed")
+    accept = add(commands, "accept", _accept, "accept changed files of a finished run")
     accept.add_argument("folder", metavar="DIR", help="run folder")
 
 
@@ -187,7 +187,7 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
         of_deck = {path.resolve(): found for path, found in local_dumps(reading).items()}
         contacts = {path: words or of_deck.get(path.resolve()) for path in contacts or of_deck}
     if words and not contacts:
-        raise RunFolderError(f"columns = {options.columns}: no dump of contacts is there to have them; name it")
+        raise RunFolderError(f"columns = {options.columns}: there is no dump of contacts with them; name one")
     if not dumps:
         raise RunFolderError(f"{options.source[0]}: is a dump of contacts; name the dump of their spheres too")
     folder = options.output or f"runs/{Path(options.source[0]).name.partition('.')[2] or 'adopted'}"
@@ -210,9 +210,9 @@ def _say_scene(path: Path, reading: "Reading", known: "Known", record: "Unnamed"
     if path.exists() and not options.force:
         remark(f"note: {path}: exists already, so that no scene was sought; use --force to replace it")
         return
-    left = f"; {path} is of an earlier deck" if path.exists() else ""
+    left = f"; {path} belongs to an earlier deck" if path.exists() else ""
     if options.units or options.timestep or options.radius or options.density or options.law:
-        remark(f"note: no scene is sought where options replace what the deck says{left}")
+        remark(f"note: no scene is sought if options replace values of the deck{left}")
         return
     try:
         found = scene_of(reading, known, re.sub(r"[^\w-]", "_", path.stem, flags=re.ASCII), record.time)

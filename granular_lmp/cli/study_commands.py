@@ -76,7 +76,7 @@ def add_to(commands: Commands) -> None:
 
 
 def sweep_arguments(parser: argparse.ArgumentParser, program: str, *, required: bool = False) -> None:
-    """Add ``--over`` and ``--workers``; `sweep_of` reads them. `program` is what MPI ranks start."""
+    """Add ``--over`` and ``--workers``; `sweep_of` reads them. `program` is the command that MPI ranks start."""
     parser.add_argument(
         "--over",
         action="append",

@@ -43,23 +43,23 @@ def add_to(commands: Commands) -> None:
     view.add_argument(
         "--fronts",
         action="store_true",
-        help="for a run with bursts: places of their L, TR and RT waves by the group velocities of the crystal",
+        help="for a run with bursts: mark the places of their L, TR and RT waves, from group velocities of the crystal",
     )
     view.add_argument(
         "--side",
         metavar="SIDE",
-        help="for a run in space: seen from the top, or from the end of an axis: top, x or y (default: x for a wave)",
+        help="for a run in space: view from the top, or from the end of an axis: top, x or y (default: x for a wave)",
     )
     view.add_argument(
         "--at-rest",
         action="store_true",
-        help="for a scene with unequal spheres: the crystal at rest, with its contact forces",
+        help="for a scene with unequal spheres: draw the crystal at rest, with its contact forces",
     )
     view.add_argument("--fps", type=float, metavar="N", help="for a movie: frames per second (default: 10)")
     view.add_argument(
         "--size", type=_size, metavar="WIDTHxHEIGHT", help="size of the picture in pixels, for instance 1280x720"
     )
-    of_monitor = "for a run: the record of this monitor over time; for adopted dumps their contacts"
+    of_monitor = "for a run: draw the record of this monitor over time; for adopted dumps draw their contacts"
     view.add_argument("--monitor", metavar="NAME", help=of_monitor)
     view.add_argument("--column", help="for a sweep: a column of sweep.csv (default: largest_p; far_speed for impacts)")
 
@@ -74,7 +74,7 @@ def add_to(commands: Commands) -> None:
         "--origin",
         type=_place,
         metavar="ROW,COLUMN",
-        help="sphere where the front starts (default: what is struck or pushed); in an unnamed crystal the ID",
+        help="sphere where the front starts (default: the struck or pushed sphere); in an unnamed crystal its ID",
     )
     front.add_argument(
         "--direction", type=float, default=90.0, metavar="DEGREES", help="direction, from x towards y (default: 90)"
@@ -102,12 +102,12 @@ def add_to(commands: Commands) -> None:
     export.add_argument(
         "--monitor",
         metavar="NAME",
-        help="the record of this monitor, as .csv in SI units; or the contacts of adopted dumps",
+        help="write the record of this monitor, as .csv in SI units; or the contacts of adopted dumps",
     )
     export.add_argument(
         "--spheres",
         action="store_true",
-        help="density and radius of each sphere of a scene, as .csv for its packing.table",
+        help="write density and radius of each sphere of a scene, as .csv for its packing.table",
     )
 
 

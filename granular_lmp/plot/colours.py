@@ -71,7 +71,7 @@ class Colouring:
     scale: Literal["symmetric", "positive", "decades"] = "symmetric"
 
     def end(self, sizes: Floats) -> float:
-        """Return the size at the end of the colour map: the largest for decades, else one that 1 % of the spheres exceed."""
+        """Return the size at the end of the colour map: the largest for decades, else one that 1 % exceed."""
         if self.scale == "decades":
             return float(sizes.max())
         return float(np.quantile(sizes, _MOST_IN_COLOUR, method="higher"))  # the largest of up to 100 spheres

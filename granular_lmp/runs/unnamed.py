@@ -1,8 +1,8 @@
-"""The record of an unnamed crystal: spheres of a foreign run of LAMMPS, of which no scene is known.
+"""Record of an unnamed crystal: spheres of a foreign LAMMPS run without a known scene.
 
-Its run folder holds ``run.json``, whose entry ``unnamed`` says what is known, and `UNNAMED`, a binary dump of LAMMPS in
-SI units (of units lj in these) with unwrapped places and spheres in ascending order of id, which OVITO and ASE read
-too. A snapshot is read when it is used.
+Its run folder holds ``run.json``, whose entry ``unnamed`` has all that is known of the crystal, and `UNNAMED`, a binary
+dump of LAMMPS with unwrapped places and spheres in ascending order of id, which OVITO and ASE read too. Numbers are in
+SI units; a dump in units lj keeps its own. A snapshot is read when it is used.
 """
 
 from contextlib import suppress
@@ -33,15 +33,15 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 ENTRY = "unnamed"  # of run.json
-# Forces of contacts by the words of LAMMPS for them
+# Names of contact forces by LAMMPS's words for them
 _FORCES = {"force": "normal", "p4": "shear", "fx": "normal_x", "fy": "normal_y", "fz": "normal_z"}
 _FORCES |= {"p1": "shear_x", "p2": "shear_y", "p3": "shear_z"}
 _COMPONENTS = ("fx", "fy", "fz", "p1", "p2", "p3")
-_FLAT = 1e-9  # of the size of a crystal: places along an axis that differ by less are the same
+_FLAT = 1e-9  # share of the size of a crystal below which differences of places along an axis are rounding
 
 
 class Contacts(NamedTuple):
-    """Contacts of spheres that overlap: indices of both, (C,) each, and the overlap, m."""
+    """Contacts of spheres that overlap: indices of both spheres, (C,) each, and the overlap (C,), m."""
 
     first: Integers
     second: Integers
@@ -50,15 +50,17 @@ class Contacts(NamedTuple):
 
 @dataclass(frozen=True)
 class Moment:
-    """All spheres at one moment, in SI units (of units lj in these).
+    """All spheres at one moment, in SI units; for a dump in units lj, in lj.
 
     Attributes
     ----------
     time : float
-    place, velocity : (N, 3) arrays
-        Unwrapped places, and velocities: of the dump, or of differences of places between its snapshots.
+    place : (N, 3) array
+        Unwrapped places.
+    velocity : (N, 3) array
+        Velocities from the dump; if it has none, from differences of places between snapshots.
     spin, force : (N, 3) arrays or None
-        Where the dump says them.
+        Angular velocities and forces from the dump; None if it has none.
     """
 
     time: float
@@ -70,7 +72,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Unnamed:
-    """Spheres of a foreign run over time, in SI units (of units lj in these).
+    """Spheres of a foreign run over time, in SI units; for a dump in units lj, in lj.
 
     Attributes
     ----------
@@ -82,7 +84,7 @@ class Unnamed:
     steps : (T,) array of int
         Steps of the deck at which snapshots were written.
     begins : (T,) array of int
-        Where each snapshot begins in the file, bytes.
+        Offset of each snapshot in the file, bytes.
     """
 
     folder: Path
@@ -93,12 +95,12 @@ class Unnamed:
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Read the record of a run folder that `granular-lmp adopt DUMP` made.
+        """Return the record of a run folder made by `granular-lmp adopt DUMP`.
 
         Raises
         ------
         RunFolderError
-            If it is no such folder, or was changed since.
+            If the folder is not such a run folder, or its files were changed later.
         """
         folder = Path(folder)
         info = read_status(folder)
@@ -114,7 +116,7 @@ class Unnamed:
 
     @property
     def known(self) -> dict[str, Any]:
-        """Return what is known of the crystal: the entry ``unnamed`` of ``run.json``."""
+        """Return all that is known of the crystal: the entry ``unnamed`` of ``run.json``."""
         said: dict[str, Any] = self.info[ENTRY]
         return said
 
@@ -125,7 +127,7 @@ class Unnamed:
 
     @property
     def in_si(self) -> bool:
-        """True if numbers are in SI units, False of units lj."""
+        """True if numbers are in SI units, False for units lj."""
         return bool(self.known["units"] != "lj")
 
     @cached_property
@@ -146,12 +148,12 @@ class Unnamed:
 
     @cached_property
     def spheres(self) -> Integers:
-        """Numbers (``id``) of the spheres that are in all snapshots, ascending, (N,)."""
+        """Numbers (``id``) of the spheres in all snapshots, ascending, (N,)."""
         return self._first.table[self._kept, 0].astype(np.int64)
 
     @cached_property
     def types(self) -> Integers:
-        """Type of each sphere, (N,); 1 where the dump does not say it."""
+        """Type of each sphere, (N,); 1 if the dump has no types."""
         found = self._of_first("type")
         return np.ones(len(self.spheres), dtype=np.int64) if found is None else found.astype(np.int64)
 
@@ -174,27 +176,27 @@ class Unnamed:
         Raises
         ------
         RunFolderError
-            If neither the dump nor who adopted it said masses or a density.
+            If neither the dump nor the options of ``adopt`` gave masses or a density.
         """
         found = self._of_first("mass")
         if found is None:
-            raise RunFolderError(f"{self.folder}: no masses are known; adopt the dump again with density=VALUE")
+            raise RunFolderError(f"{self.folder}: masses are unknown; adopt the dump again with density=VALUE")
         return found
 
     @cached_property
     def rest(self) -> Floats:
-        """Places in the first snapshot, (N, 3), from which displacements are counted."""
+        """Places in the first snapshot, (N, 3), the origin of displacements."""
         return self[0].place
 
     @property
     def cell(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Corner (3,), edges (3, 3), one to a row, and periodic axes (3,) of the box at the beginning."""
+        """Corner (3,), edges (3, 3) as rows, and periodic axes (3,) of the box at the beginning."""
         known = self.known
         return np.array(known["origin"]), np.array(known["cell"]), np.array(known["periodic"])
 
     @cached_property
     def axes(self) -> list[int]:
-        """Axes along which the places of spheres differ: one of a chain along an axis, two of a sheet in a plane."""
+        """Axes along which the places of spheres differ: one for a chain along an axis, two for a sheet in a plane."""
         extents = np.ptp(self.rest, axis=0)
         return [axis for axis in range(3) if extents[axis] > _FLAT * extents.max()] or [0]
 
@@ -218,7 +220,7 @@ class Unnamed:
         return Moment(float(self.time[number]), place, velocity, vectors["omegax"], vectors["fx"])
 
     def _difference(self, number: int, place: Floats) -> Floats:
-        """Return velocities from the places before and after, by central differences but at both ends."""
+        """Return velocities from places of adjacent snapshots: central differences, one-sided at both ends."""
         ends = max(number - 1, 0), min(number + 1, len(self) - 1)
         if ends[0] == ends[1]:
             return np.zeros_like(place)
@@ -232,13 +234,19 @@ class Unnamed:
         return found
 
     def stack(self, name: str) -> Floats:
-        """Return "displacement", or an attribute of `Moment`, over all snapshots, (T, N, 3)."""
+        """Return "displacement" or an array of `Moment` by its name, over all snapshots, (T, N, 3).
+
+        Raises
+        ------
+        RunFolderError
+            If the dump has no such array.
+        """
         moments = map(self.__getitem__, range(len(self)))
         if name == "displacement":
             return np.array([each.place - self.rest for each in moments])
         found = [getattr(each, name) for each in moments]
         if any(each is None for each in found):
-            raise RunFolderError(f"{self.folder}: its dump holds no {name}")
+            raise RunFolderError(f"{self.folder}: its dump has no {name}")
         return np.array(found)
 
     def kinetic_energy(self, moment: Moment) -> Floats:
@@ -247,9 +255,9 @@ class Unnamed:
         return np.asarray(self.mass * (np.sum(moment.velocity**2, axis=1) + turning) / 2)
 
     def contacts(self, moment: Moment) -> Contacts:
-        """Return the pairs of spheres that overlap at a moment, across periodic faces of the box too.
+        """Return the pairs of spheres that overlap at a moment, also across periodic faces of the box.
 
-        Spheres in one plane z touch none across z, which is how LAMMPS in two dimensions has them.
+        Spheres that all lie in one plane z do not touch across z, as in LAMMPS's two dimensions.
 
         Raises
         ------
@@ -259,7 +267,7 @@ class Unnamed:
         from scipy.spatial import cKDTree  # kept out of start-up
 
         if self.known.get("deforms"):
-            raise RunFolderError(f"{self.folder}: its box deforms, and contacts are known of the first box alone")
+            raise RunFolderError(f"{self.folder}: its box deforms, and contacts are known in the first box only")
         origin, cell, periodic = self.cell
         periodic = periodic & [True, True, bool(np.ptp(moment.place[:, 2]))]
         inside = (moment.place - origin) @ np.linalg.inv(cell)
@@ -281,10 +289,10 @@ class Unnamed:
         return Contacts(np.minimum(one, other)[order], np.maximum(one, other)[order], overlap[order])
 
     def harmonics(self, frequency: float, way: Floats) -> dict[str, dict[str, list[float]]]:
-        """Return the harmonics of a frequency (Hz) in the displacements "along" and "across" a unit vector.
+        """Return the harmonics of a frequency (Hz) in the displacements "along" and "across" a unit vector (3,).
 
-        Each has ``static``, ``1``, ``2`` and ``3``: the root mean square over all spheres and its error, m
-        (`granular_lmp.runs.readouts`).
+        For each direction, ``static``, ``1``, ``2`` and ``3`` are the root mean square over all spheres and its error,
+        m (`granular_lmp.runs.readouts`). The direction across is the axis with the largest motion.
 
         Raises
         ------
@@ -302,7 +310,7 @@ class Unnamed:
         moved = self.stack("displacement")
         along = moved @ way
         rest = moved - along[..., None] * way
-        across = rest[..., np.argmax(np.linalg.norm(rest, axis=(0, 1)))]  # along the axis on which it moves most
+        across = rest[..., np.argmax(np.linalg.norm(rest, axis=(0, 1)))]  # along the axis with the largest motion
         return {
             name: dict(harmonics(self.time, values, pulsation))
             for name, values in {"along": along, "across": across}.items()
@@ -312,15 +320,16 @@ class Unnamed:
 
     @cached_property
     def _recorded(self) -> dict[int, int]:
-        """Step of each snapshot of the contacts that local dumps hold, and where it begins in its file."""
+        """Offset, by step, of each snapshot of the contacts from local dumps; {} without local dumps."""
         path = self.folder / UNNAMED_CONTACTS
         return {step: begin for step, _, begin in _places(path)} if path.is_file() else {}
 
     def recorded_contacts(self, number: int) -> dict[str, Floats]:
-        """Return the contacts of a snapshot as local dumps hold them, by the words of LAMMPS; {} without any.
+        """Return the contacts of a snapshot from local dumps, by LAMMPS's words; {} without such contacts.
 
-        ``patom1`` and ``patom2`` are the spheres, (C,); ``dist`` their distance, ``force`` the normal force and ``p4``
-        the shear force; ``fx``, ``fy``, ``fz`` and ``p1``, ``p2``, ``p3`` the components of both on the first sphere.
+        ``patom1`` and ``patom2`` are the spheres, (C,); ``dist`` is their distance, ``force`` the normal force and
+        ``p4`` the shear force; ``fx``, ``fy``, ``fz`` and ``p1``, ``p2``, ``p3`` are the components of normal and shear
+        force on the first sphere.
         """
         begin = self._recorded.get(int(self.steps[number]))
         if begin is None:
@@ -331,10 +340,10 @@ class Unnamed:
 
     @property
     def contact_columns(self) -> dict[str, NDArray[Any]]:
-        """Columns of one length, a line for each time and contact: t_s, id_i, id_j, overlap_m.
+        """Columns of equal length, a line for each time and contact: t_s, id_i, id_j, overlap_m.
 
-        Where local dumps were there, these are their contacts, with the forces that they hold: normal_N, shear_N, and
-        the components of both on the sphere id_i.
+        Contacts from local dumps, if there are any, also have the forces of these dumps: normal_N, shear_N, and the
+        components of both on the sphere id_i.
         """
         if self._recorded:
             return self._recorded_columns()
@@ -351,14 +360,14 @@ class Unnamed:
         numbers = [number for number, step in enumerate(self.steps.tolist()) if step in self._recorded]
         every = [self.recorded_contacts(number) for number in numbers]
         if not every:
-            raise RunFolderError(f"{self.folder}: its contacts are of other steps than its spheres")
+            raise RunFolderError(f"{self.folder}: its contacts and its spheres have no step in common")
         columns = {name: np.concatenate([each[name] for each in every]) for name in every[0]}
         end = {name: unit if self.in_si else "" for name, unit in (("t", "_s"), ("m", "_m"), ("N", "_N"))}
         counts = [len(each[ENDS[0]]) for each in every]
         one, other = (columns[name].astype(np.int64) for name in ENDS)
         found: dict[str, NDArray[Any]] = {f"t{end['t']}": np.repeat(self.time[numbers], counts)}
         found |= {"id_i": np.minimum(one, other), "id_j": np.maximum(one, other)}
-        on_first = np.where(one < other, 1.0, -1.0)  # LAMMPS says components on the sphere that it names first
+        on_first = np.where(one < other, 1.0, -1.0)  # LAMMPS's components act on the sphere that it names first
         columns |= {word: columns[word] * on_first for word in columns if word in _COMPONENTS}
         if "dist" in columns:
             radius = self.radius[np.searchsorted(self.spheres, one)] + self.radius[np.searchsorted(self.spheres, other)]
@@ -367,7 +376,7 @@ class Unnamed:
 
     @property
     def si(self) -> dict[str, NDArray[Any]]:
-        """Columns of one length in SI units, a line for each time and sphere: t_s, id, x_m, …, vx_m_s, …."""
+        """Columns of equal length in SI units, a line for each time and sphere: t_s, id, x_m, …, vx_m_s, …."""
         unit = {"time": "_s", "place": "_m", "velocity": "_m_s", "spin": "_rad_s", "force": "_N"}
         unit = unit if self.in_si else dict.fromkeys(unit, "")
         count = len(self.spheres)
@@ -395,7 +404,7 @@ class Unnamed:
         return optional_package("pandas").DataFrame(self.si)
 
     def to_xarray(self) -> Any:
-        """Return an ``xarray.Dataset`` of places, velocities, and where the dump has them spins and forces.
+        """Return an ``xarray.Dataset`` of places and velocities, and of spins and forces if the dump has them.
 
         Raises
         ------
@@ -417,7 +426,7 @@ class Unnamed:
 
 
 def is_unnamed(folder: str | Path) -> bool:
-    """Return whether a folder is the run folder of an unnamed crystal; of one that cannot be read, False."""
+    """Return whether a folder is the run folder of an unnamed crystal; False if it cannot be read."""
     with suppress(RunFolderError):
         return ENTRY in read_status(folder, changed=True)
     return False
@@ -443,7 +452,7 @@ def _snapshot_of(path: Path, begin: int) -> BinarySnapshot:
 
 
 def _vector(table: Floats, names: list[str], first: str) -> Floats | None:
-    """Return the three columns that begin with one, (N, 3); None if the table lacks it."""
+    """Return the column `first` and the two after it, (N, 3); None if the table lacks it."""
     if first not in names:
         return None
     at = names.index(first)

@@ -143,7 +143,7 @@ def test_what_cannot_be_computed_is_refused(arguments, message):
 
 
 def test_rt_has_no_long_wave():
-    with pytest.raises(ValueError, match="name = 'RT' must be L or TR"):
+    with pytest.raises(ValueError, match="name = 'RT': must be L or TR"):
         long_wave("RT", 0.2, SILICA)
     with pytest.raises(ValueError, match="mass_ratio = 0 must be positive"):
         impurity_width("TR", 0.8, 0, SILICA)

@@ -95,7 +95,7 @@ def test_a_case_is_run_drawn_and_judged_by_one_command(
 def test_a_case_that_is_not_there_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["case", "nowhere"])
-    assert "nowhere: is no case; granular-analysis cases lists them" in capsys.readouterr().err
+    assert "nowhere: is not a case; granular-analysis cases lists all cases" in capsys.readouterr().err
 
 
 def test_a_run_that_fails_ends_the_case(tmp_path: Path) -> None:

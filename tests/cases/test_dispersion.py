@@ -109,11 +109,11 @@ SHORT = SMALL.with_values({"time.duration": 12.0})
         ({"sphere.adhesion_law": "jkr"}, "leaves out sphere.adhesion_law"),
         ({"packing.lattice": "square", "packing.columns": 9}, "leaves out packing.lattice"),
         ({"monitor": [{"name": "line", "rows": [1, 2]}]}, "leaves out monitor"),
-        ({"effects.rotation": False}, "of a periodic sheet whose spheres turn"),
+        ({"effects.rotation": False}, "needs a periodic sheet whose spheres turn"),
         ({"packing.ends": "fixed", "packing.rows": 13, "time.allow_echo": True}, "leaves out effects.walls"),
         ({"packing.columns": 4}, "columns a multiple of 3"),
         ({"time.sample": 1.7, "time.duration": 17.0}, r"time\.sample = 1\.7: must be below 1\.6\d+ tau"),
-        ({"time.duration": 9.0}, "7 records; a spectrum takes at least 8"),
+        ({"time.duration": 9.0}, "7 records; a spectrum needs at least 8"),
         ({"effects.sliding": False, "effects.friction": 1e-3}, "contacts slid"),
         ({"wave.amplitude": 2.0}, "contacts opened"),
     ],
@@ -160,5 +160,5 @@ def test_other_folders_than_those_of_sheets_are_refused(small: Scene, tmp_path: 
         with pytest.raises(SystemExit, match=said):
             dispersion_figure.main([str(tmp_path / name)])
     run(small.with_values({"output.particles": 1.0}), tmp_path / "seen")
-    with pytest.raises(SystemExit, match="not the sheet of granular-lmp kick"):
+    with pytest.raises(SystemExit, match="must be the run of granular-lmp kick"):
         dispersion_figure.main([str(tmp_path / "seen")])

@@ -89,9 +89,9 @@ def test_pairs_are_extrapolated_and_anything_else_refused(made: list[oblique.Poi
     (both,) = (each for each in made if each.mode == "RT")
     alone = [oblique.points([each])[0] for each in pair]
     assert both.error < 0.5 * min(each.error for each in alone)  # RT is the fastest mode
-    with pytest.raises(ValueError, match="3 runs that are no pair of steps h and h/2"):
+    with pytest.raises(ValueError, match="3 runs are not a pair with steps h and h/2"):
         oblique.points([*pair, pair[0]])
-    with pytest.raises(ValueError, match="2 runs that are no pair"):
+    with pytest.raises(ValueError, match="2 runs are not a pair"):
         oblique.points([pair[0], pair[0]])
 
 
@@ -130,5 +130,5 @@ def test_the_scripts_of_waves_along_y_refuse_the_runs_in_one_line(
 ) -> None:
     assert runs[0].folder is not None
     for script in (effects, spectrum):
-        with pytest.raises(SystemExit, match="its wave is not along y"):
+        with pytest.raises(SystemExit, match="the wave must run along y"):
             script.main([str(runs[0].folder.parents[1])])

@@ -47,7 +47,7 @@ def test_where_no_parabola_is_known_the_interval_is_the_answer(left: list[float]
 
 
 def test_an_event_in_the_first_run_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"wave\.amplitude = 1 has the event already"):
+    with pytest.raises(ValueError, match=r"wave\.amplitude = 1: is beyond the onset already"):
         crossing([1, 2, 3], [-0.1, -0.2, -0.3], [True, True, True])
 
 
@@ -67,10 +67,10 @@ def test_runs_that_cannot_tell_are_refused(runs: list[Record], tmp_path: Path) -
     done = sweep(sliding, {"effects.friction": [0.1]}, tmp_path / "sweep")
     with pytest.raises(ValueError, match=r"effects\.sliding = true: must be false"):
         onset([done.record(done.rows[0])], "opening")
-    with pytest.raises(ValueError, match="two runs have one amplitude"):
+    with pytest.raises(ValueError, match="two runs have the same wave.amplitude"):
         onset([runs[0], runs[0]], "opening")
     other = replace(runs[1], scene=runs[1].scene.with_values({"wave.phase": 0.1}))
-    with pytest.raises(ValueError, match=r"the runs must differ in wave\.amplitude alone"):
+    with pytest.raises(ValueError, match=r"the runs must differ only in wave\.amplitude"):
         onset([runs[0], other], "opening")
 
 

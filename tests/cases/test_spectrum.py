@@ -242,9 +242,9 @@ def test_a_sweep_has_its_deviation_and_its_locations_in_the_table(
     [
         (
             {"sphere.poisson_ratio": 0.2},
-            r"poisson_ratio = 0\.2, but 0\.17 in .*; a figure takes the runs of one crystal",
+            r"poisson_ratio = 0\.2, but 0\.17 in .*; all runs must have the same crystal",
         ),
-        ({"wave.amplitude": 0.1}, r"wave\.amplitude = 0\.02, 0\.1: must be one for all runs"),
+        ({"wave.amplitude": 0.1}, r"wave\.amplitude = 0\.02, 0\.1: must be equal in all runs"),
     ],
 )
 def test_runs_of_two_crystals_or_amplitudes_are_refused(changes: dict[str, float], said: str) -> None:
@@ -267,7 +267,7 @@ def test_runs_that_differ_in_more_than_the_step_are_no_pair() -> None:
         ({"wave.phase": 0.4}, "wave.phase = 0.4"),
         ({"effects.viscosity": 1e-7, "effects.damping": True}, "the closed form leaves out"),
         ({"wave.form": "standing"}, "leaves out wave.form = 'standing'"),
-        ({"wave.direction": 60.0, "packing.columns": 24}, "is not along y"),
+        ({"wave.direction": 60.0, "packing.columns": 24}, "the wave must run along y"),
     ],
 )
 def test_runs_that_have_no_such_amplitude_are_refused(changes: dict[str, object], said: str) -> None:

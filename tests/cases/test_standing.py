@@ -167,7 +167,7 @@ def test_rows_that_the_walls_have_reached_are_left_out() -> None:
         (record(sliding=True), "leaves out effects.sliding"),
         (record(width=5.0), "leaves out an envelope"),
         (record(xi=np.pi / 2, phase=0.0), "no second harmonic at any row"),
-        (record(rows=9, ends="fixed"), "no row is undisturbed"),
+        (record(rows=9, ends="fixed"), "echoes reach all rows"),
     ],
 )
 def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pytest.MonkeyPatch) -> None:

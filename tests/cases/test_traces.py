@@ -21,7 +21,7 @@ def test_frequencies_of_noisy_cosines_scatter_by_their_errors() -> None:
     off = (found[:, :, 0] - omega) / found[:, :, 1]
     assert np.std(off, axis=0) == pytest.approx([1, 1], rel=0.36)
     assert np.abs(off.mean(axis=0)).max() < 4 / 60**0.5
-    with pytest.raises(ValueError, match="has no peak near that of the model"):
+    with pytest.raises(ValueError, match="has no peak near the frequency of the model"):
         case.cosines(times, moved, 0.1, (5.0,))
 
 

@@ -71,7 +71,7 @@ def test_the_network_refuses_materials_that_no_sphere_has(tmp_path: Path) -> Non
     record = run(SMALL.with_values({"inclusion": [soft, others]}), tmp_path / "run")
     assert max(compare.compare(record, "network").error.values()) < 1e-3  # the time step leaves less
     replaced = run(SMALL.with_values({"inclusion": [stiff, soft, others]}), tmp_path / "replaced")
-    with pytest.raises(TheoryError, match="inclusion: 4 materials are declared .*, and spheres have 3"):
+    with pytest.raises(TheoryError, match="inclusion: the scene declares 4 materials, .*, and spheres have 3"):
         compare.compare(replaced, "network")
 
 
@@ -97,8 +97,8 @@ def test_without_snapshots_an_imperfect_run_is_compared_with_nothing(tmp_path: P
 def test_a_long_run_is_left_until_the_network_is_asked_for(imperfect: Record, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference, "MOST_UNASKED", 100.0)
     (note,) = compare.compare(imperfect).notes
-    assert "48 spheres until tau = 4 are above the 100 spheres times tau" in note
-    assert "ask with --theory network" in note
+    assert "48 spheres until tau = 4 exceed 100 spheres times tau" in note
+    assert "use --theory network" in note
     assert compare.compare(imperfect, "network").error["q"] is not None
 
 
@@ -189,7 +189,7 @@ def test_contacts_that_slide_have_the_friction_of_the_run_and_cost_more(
     rough = compare.compare(replace(record, scene=record.scene.with_values({"effects.friction": 0.04})))
     assert rough.error["p"] > 1e-3
     monkeypatch.setattr(reference, "MOST_UNASKED", 48 * 2.0 * 39)  # each sphere costs as forty
-    assert "48 spheres until tau = 2 are above the 94 spheres times tau" in compare.compare(record).notes[-1]
+    assert "48 spheres until tau = 2 exceed 94 spheres times tau" in compare.compare(record).notes[-1]
 
 
 def test_a_run_to_a_tolerance_meets_it_against_the_network(tmp_path: Path) -> None:
@@ -215,7 +215,7 @@ def test_all_that_stands_against_the_network_is_said_at_once() -> None:
     record = Record.of_centre(tau, tau, tau, tau, scene, {})
     reason = Reference.of(record, wave_of(record)).reason
     assert "has no snapshots, and " in reason
-    assert "above the 1000000 spheres times tau" in reason
+    assert "exceed 1000000 spheres times tau" in reason
 
 
 def test_what_the_network_lacks_is_the_reason_why_nothing_is_compared(

@@ -119,7 +119,8 @@ def test_the_modes_of_a_wave_say_that_they_are_of_the_perfect_lattice(capsys: py
     assert "inclusion" in left_out
     assert main(["modes", "tr_impurity"]) == 0
     assert (
-        f"of the perfect lattice, the crystal in which the wave starts; left out: {left_out}" in capsys.readouterr().out
+        f"modes of the perfect lattice, the crystal in which the wave starts; left out: {left_out}"
+        in capsys.readouterr().out
     )
     assert main(["modes", "tr_impurity", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["left_out"] == left_out

@@ -245,7 +245,7 @@ def test_what_acts_before_the_dump_begins_is_not_in_its_run(deck: Path, tmp_path
     outside = crystal.known["outside"]
     assert (crystal.steps[0], outside["begin"], outside["history"], outside["others"]) == (300, 300, True, [])
     found = witness(crystal)
-    assert found.reasons[:1] == ("the first snapshot is of step 300: the slip of its contacts is in no dump",)
+    assert found.reasons[:1] == ("the first snapshot is at step 300, and no dump holds the slip of its contacts",)
 
 
 def test_slip_that_a_data_file_forgets_is_named(deck: Path, tmp_path: Path) -> None:
@@ -266,11 +266,11 @@ def test_slip_that_a_data_file_forgets_is_named(deck: Path, tmp_path: Path) -> N
     found = witness(whole)
     assert not found.explained
     assert (
-        found.reasons[0] == "the deck forgets the slip of its contacts at step 500, where it goes on from a data file"
+        found.reasons[0] == "the deck loses the slip of its contacts at step 500, where it continues from a data file"
     )
     # What the second deck wrote begins without slip in LAMMPS too
     found = witness(adopted(tmp_path / "in.second", two))
-    assert found.reasons == ("the dump holds no spins (omegax, omegay, omegaz); the witness begins without",)
+    assert found.reasons == ("the dump has no spins (omegax, omegay, omegaz); the witness begins without spin",)
 
 
 def test_two_materials_are_mixed_as_lammps_does_and_others_refused(deck: Path, tmp_path: Path) -> None:
@@ -285,7 +285,7 @@ def test_two_materials_are_mixed_as_lammps_does_and_others_refused(deck: Path, t
     assert witness(crystal).explained
     own = sideways.replace(laws, laws + f"pair_coeff 1 2 hertz/material 1e12 0 0.3 {tail}\n")
     (tmp_path / "in.own").write_text(own)
-    with pytest.raises(TheoryError, match="a law of their own of types 1 and 2 is not built"):
+    with pytest.raises(TheoryError, match="a separate law between types 1 and 2 is not built"):
         witness(adopted(tmp_path / "in.own", tmp_path / "dump.beads"))
 
 

@@ -283,4 +283,4 @@ def test_the_command_says_what_it_could_not_judge(
     assert main(["lint", "in.sheet", "--json", "--strict"]) == 0
     shown = capfd.readouterr()
     assert shown.out.strip() == "[]"
-    assert "what follows was not read" in shown.err
+    assert "the rest of the deck was not read" in shown.err

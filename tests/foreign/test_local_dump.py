@@ -152,7 +152,7 @@ def test_all_styles_of_local_dumps_of_a_deck_are_found(plate: Path, tmp_path: Pa
 def test_words_of_columns_need_a_dump_of_contacts(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = ["adopt", str(plate / "dump.plate"), "-o", str(plate / "none"), "--units", "si", "--timestep", "2e-6"]
     assert main([*asked, "--radius", "0.01", "--columns", "patom1,patom2"]) == 2
-    assert "columns = patom1,patom2: no dump of contacts is there" in capsys.readouterr().err
+    assert "columns = patom1,patom2: there is no dump of contacts" in capsys.readouterr().err
 
 
 def test_contacts_alone_are_no_crystal(plate: Path, capsys: pytest.CaptureFixture[str]) -> None:

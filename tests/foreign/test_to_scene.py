@@ -422,7 +422,7 @@ def test_adopt_writes_the_scene_beside_the_run_folder(tmp_path: Path, capsys: py
     capsys.readouterr()
     deck.write_text(deck.read_text().replace("run 20", "fix drag all viscous 1e-3\nrun 20"))
     assert main(["adopt", str(deck), "-o", str(tmp_path / "beads"), "--force"]) == 0
-    assert f"says what it does; {tmp_path / 'beads.toml'} is of an earlier deck" in capsys.readouterr().err
+    assert f"says what it does; {tmp_path / 'beads.toml'} belongs to an earlier deck" in capsys.readouterr().err
     (tmp_path / "third.toml").write_text("mine")
     assert main(["adopt", str(deck), "-o", str(tmp_path / "third")]) == 0
     assert "third.toml: exists already" in capsys.readouterr().err

@@ -163,7 +163,7 @@ def test_contacts_that_open_and_dashpots_are_not_in_a_cell(tmp_path: Path) -> No
     strong = Scene.load("tr_periodic").with_values(
         SMALL | IMPERFECT["vacancies"] | {"wave.amplitude": 1.5, "time.duration": 1.0, "output.particles": 1.0}
     )
-    with pytest.raises(ValueError, match="a contact is stretched .* times as far as it holds: contacts open"):
+    with pytest.raises(ValueError, match="the wave opens a contact: .* times the stretch at which it opens"):
         by_cell(run(strong, tmp_path / "strong"), np.arange(9.0))
     damped = Scene.load("tr_damped").with_values(SHORT | ROWS | {"packing.ends": "periodic", "wave.wavenumber": pi / 4})
     with pytest.raises(ValueError, match="viscosity and restitution are not in the second order of a cell"):
@@ -203,7 +203,7 @@ def test_the_start_of_a_run_is_a_plane_wave_or_refused(phases: list[Record], mon
     bent = motion.copy()
     bent[1, 3] += 0.5 * first.length
     monkeypatch.setattr(measure, "first_snapshot", lambda _: replace(first, state=replace(first.state, motion=bent)))
-    with pytest.raises(ValueError, match="no plane wave that fills the cell"):
+    with pytest.raises(ValueError, match="not a plane wave that fills the cell"):
         by_network(phases[0])
 
 
@@ -223,7 +223,7 @@ def test_what_turns_twice_is_found_among_other_orders() -> None:
 
 
 def test_too_few_phases_and_other_runs_are_refused(phases: list[Record]) -> None:
-    with pytest.raises(ValueError, match="has 5 values that do not separate the orders; take six"):
+    with pytest.raises(ValueError, match="has 5 values that do not separate the orders; use six"):
         by_runs(phases[:5])
     with pytest.raises(ValueError, match="has 6 values that do not separate the orders"):
         by_runs([*phases[:3], *phases[:3]])

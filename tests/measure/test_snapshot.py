@@ -104,7 +104,7 @@ def test_types_and_masses_say_material_and_density(dump):
     assert network.kinds.tolist() == [0, 1]
     assert network.held.tolist() == [True, False]
     assert network.mass == pytest.approx([5e9, 3e9], rel=1e-15)  # two roundings
-    with pytest.raises(ValueError, match="type 3, which is of material 2; materials has 1"):
+    with pytest.raises(ValueError, match="type 3, which means material 2; materials has 1"):
         read_network(dump, [SILICA])
 
 
@@ -190,5 +190,5 @@ def test_quiet_ends_damp_as_the_run_says(tmp_path):
     np.testing.assert_allclose(rows[-end.rows - 1 : -1, 0], end.rates(), rtol=1e-12)
     np.testing.assert_allclose(rows[1 : end.rows + 1, 0], end.rates()[::-1], rtol=1e-12)
     assert not rows[end.rows + 1 : -end.rows - 1].any()
-    with pytest.raises(TheoryError, match=r"absorb.rows: run.json does not say .* run the scene again"):
+    with pytest.raises(TheoryError, match=r"absorb.rows: run.json lacks .* run the scene again"):
         first_snapshot(replace(record, info={**record.info, "quiet_ends": None}))

@@ -37,5 +37,5 @@ def test_what_is_not_measured_is_as_the_moduli_say() -> None:
     assert pressing == 1.0
     assert shearing < 1.0
     bare = Material(73e9, 0.17)
-    with pytest.raises(TheoryError, match="that nothing presses or holds"):
+    with pytest.raises(TheoryError, match="the contact at rest has neither a load nor adhesion"):
         scaled((bare, bare), (RADIUS, RADIUS), "dmt", 0.0, (500.0, None))

@@ -73,7 +73,7 @@ def test_intervals_of_twenty_noisy_sets_hold_the_truth() -> None:
 
 def test_a_wave_that_is_not_there_is_refused() -> None:
     points = [Point("frequency", 1e8, 1e6, 7, branch="saw9", wavenumber=0.1)] * 2
-    with pytest.raises(ValueError, match="line 7: branch = 'saw9': the layer has no such wave there"):
+    with pytest.raises(ValueError, match="line 7: branch = 'saw9': no such wave at this wave number"):
         Fit(SCENE, points, (K_N,)).answer()
     plane = Scene.load("tr_periodic")
     with pytest.raises(ValueError, match=r"\[substrate\]: missing"):

@@ -90,7 +90,7 @@ def test_compare_has_a_line_a_wave_that_names_it(
     head, *lines = (line.split() for line in capsys.readouterr().out.splitlines())
     assert head[:2] == [KEY, f"{KEY}_asked"]
     assert [line[:2] for line in lines[:2]] == [[repr(RAN), "1.0"], [repr(2 * pi * 9 / 48), "1.2"]]
-    assert " ".join(lines[2]) == "7 points of the sweep are 2 runs: the others run with equal values"
+    assert " ".join(lines[2]) == "7 points of the sweep share 2 runs, because values are equal"
 
 
 def test_the_spectrum_has_a_point_a_wave(swept: Sweep) -> None:

@@ -22,10 +22,10 @@ SAID = [
     ("design tr_periodic --vary sphere.density -4 2", "sphere.density = -4.0"),
     ("design tr_periodic --vary sphere.density 2000 3000 --best frequency", "--at 0: must be the frequency"),
     ("design tr_periodic --vary sphere.density 2000 3000 --best gap --branch 3", "must be from 1 to 2"),
-    ("design tr_periodic --vary sphere.density 2000 3000 --best passing", "passing is of a wave along y at"),
+    ("design tr_periodic --vary sphere.density 2000 3000 --best passing", "passing needs a wave along y and"),
     (
         "design tr_periodic --vary sphere.density 2000 3000 --best frequency --at 1e8 --least",
-        "--least: must be left out for --best frequency",
+        "--least: cannot be combined with --best frequency",
     ),
     (
         "design tr_impurity --best passing --vary inclusion.1.density 2300 4000",
@@ -45,7 +45,7 @@ SAID = [
     ("design 5e7 --poisson-ratio 0.6", "poisson_ratio is 0.6; allowed: above -1, up to 0.5"),
     ("design 5e7 --poisson-ratio -1", "poisson_ratio is -1.0; allowed: above -1"),
     ("design 5e7 --opening inf", "directions and openings are […inf]; allowed: degrees"),
-    ("design 5e7 --amplitude 1", "amplitude is 1.0; allowed: above 0, below 1"),
+    ("design 5e7 --amplitude 1", "--amplitude 1.0: must be above 0 and below 1"),
     ("saw monolayer_vertical --below 73e9 0.17 2200", "--below: needs --thickness"),
     (
         "saw monolayer_vertical --thickness 1e-6 --below 73e9 0.5 2200",

@@ -157,7 +157,7 @@ def test_the_figure_takes_the_runs_of_a_law_and_finds_resonance_and_antiresonanc
     monkeypatch.setattr(figure, "POINTS", 4)  # the lines of the theory take 3 s
     assert len(figure.draw(groups).axes) == 4
     other = run_of_another(crystal[4])
-    with pytest.raises(ValueError, match="a figure takes the runs of one crystal"):
+    with pytest.raises(ValueError, match="all runs must have the same crystal"):
         figure.by_law([crystal[3], other])
 
 

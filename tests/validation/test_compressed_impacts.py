@@ -156,7 +156,7 @@ def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path, monkey
     [
         ({"packing.contact_force": 0.0}, "must be a chain of equal spheres with packing.contact_force above 0"),
         ({"disorder.density": 0.1}, "must be a chain of equal spheres"),
-        ({"output.spheres": [[3, 0], [4, 0]]}, "rows [3, 4] are recorded: must be two neighbours, and two others"),
+        ({"output.spheres": [[3, 0], [4, 0]]}, "rows [3, 4] are recorded: must be two pairs of neighbours"),
     ],
 )
 def test_the_figure_refuses_other_runs(run: Runs, changes: dict[str, Any], message: str, tmp_path: Path) -> None:

@@ -341,7 +341,7 @@ def test_folders_that_do_not_belong_together_are_refused(folders: list[str], tmp
     for runs, message in (
         ([*folders, str(other)], f"{other}: has another sphere or partner than the others"),
         ([folders[1]], 'none has contact.normal = "jkr"'),
-        ([str(bare)], f"{bare}: is no folder of `granular-lmp collide`"),
+        ([str(bare)], f"{bare}: is not a folder of `granular-lmp collide`"),
     ):
         with pytest.raises(SystemExit, match=re.escape(message)):
             pull_off.main([*runs, "-o", str(tmp_path / "loop.png")])

@@ -1,16 +1,17 @@
-"""The cost of accuracy: every setting that `granular-lmp cost` has measured, beside the theories, error against time.
+"""Cost of accuracy: error over time for every setting that `granular-lmp cost` has measured, and for the theories.
 
     granular-analysis accuracy runs/cost [-o FILE]
 
-prints the levels of model, and draws error over time, a marker for each group.
+prints the levels of model, and draws error over time, with a marker for each group.
 
-Two references. A setting of a run is measured against LAMMPS extrapolated from two fine steps: what it lacks is its own
-fault. The level of model, a formula, the exact lattice at some tolerance of its integrator, LAMMPS, is measured against
-the exact lattice, integrated with 1e-12. The two references are one thing as far as LAMMPS's row of that table says.
+There are two references. A setting of a run is measured against LAMMPS extrapolated from two fine steps, so its error
+is that of the setting alone. A level of model (a formula, the exact lattice at some tolerance of its integrator, or
+LAMMPS) is measured against the exact lattice, integrated with 1e-12. The row of LAMMPS in that table says how far the
+two references differ.
 
-The Pareto front joins the settings that none beats in both (by a tenth in the error; less is not worth a word). What
-is recommended is a tolerance, on the fewest spheres, although some other setting may be cheaper: it says by itself how
-good it is.
+The Pareto front joins the settings that no other beats in both time and error; an error must be smaller by a tenth to
+count. The recommended setting is a tolerance, on the fewest spheres: another setting may be cheaper, but a tolerance
+reports its own error.
 """
 
 import json
@@ -43,21 +44,21 @@ from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
-MARKED = 1e-3  # in the figure
+MARKED = 1e-3  # error of the setting that the figure marks
 RTOL = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)  # tolerances of the integrator of the exact lattice
 FINEST = 1e-12
 REPEATS = 9
-GAIN = 0.9  # an error must fall by that to count as better
+GAIN = 0.9  # an error must be below this share of another one to count as better
 FORMULA, LATTICE, LAMMPS = "closed form", "exact lattice", "LAMMPS"
 NOT_CLOSED = ("exact-lattice", "hierarchy")
-TOLERANCE = "tolerance"  # the group whose settings say how good they are
+TOLERANCE = "tolerance"  # the group whose settings report their own error
 
 
 @dataclass(frozen=True)
 class Setting:
     """One point: its family (a group of settings, or a level of model), seconds of rounds, relative errors of p, q, φ.
 
-    An error that is None is of a component that is not there, by symmetry or because nothing recorded it.
+    An error is None if its component is zero by symmetry or was not recorded.
     """
 
     family: str
@@ -75,7 +76,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Study:
-    """The settings of a study folder, and their reference: its errors as they are estimated, and its record."""
+    """Settings of a study folder, and the estimated errors and the record of their reference."""
 
     settings: list[Setting]
     reference: Setting
@@ -83,13 +84,13 @@ class Study:
 
     @classmethod
     def load(cls, folder: str | Path) -> "Study":
-        """Read ``cost.json`` and the runs of the reference; SystemExit with one line when that cannot be done."""
+        """Return the study in a folder; SystemExit with one line if ``cost.json`` or a run cannot be read."""
         path = Path(folder) / "cost.json"
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             best, rows = content["reference"], content["points"]
             if best is None:
-                raise ValueError("the reference has not been run; let granular-lmp cost go on")
+                raise ValueError("the reference has not been run; continue granular-lmp cost")
             settings, reference = [_setting(row) for row in rows if row["repeats"]], _setting(best)
             places = [Path(folder) / place for place in best["runs"]]
             share = 1 / (2 ** best["order"] - 1) if best["order"] else 0.0
@@ -101,7 +102,7 @@ class Study:
 
     @property
     def floor(self) -> dict[str, float | None]:
-        """The error that is left in the reference: none below it is known."""
+        """Estimated error of the reference by component; smaller errors of settings are unknown."""
         return self.reference.error
 
     @property
@@ -124,9 +125,9 @@ def _setting(row: dict[str, Any]) -> Setting:
 
 
 def models(study: Study, repeats: int = REPEATS) -> list[Setting]:
-    """Formulas, the exact lattice, and LAMMPS at its best, measured against the exact lattice.
+    """Return formulas, the exact lattice, and the reference of LAMMPS, measured against the exact lattice.
 
-    There is nothing for a run with what the exact lattice does not hold (`unheld`).
+    The list is empty if the run has features that the exact lattice leaves out (`unheld`).
     """
     record = study.record
     if unheld(record):
@@ -141,7 +142,7 @@ def models(study: Study, repeats: int = REPEATS) -> list[Setting]:
     exact = lattice(wave, tau, FINEST)
     spent: dict[tuple[str, str], list[float]] = {key: [] for key in theories}
     found: dict[tuple[str, str], Trajectory] = {}
-    for _ in range(repeats):  # in turn, as whatever else the machine does then falls on all
+    for _ in range(repeats):  # interleaved, so that other load on the machine affects all alike
         for key, theory in theories.items():
             started = time.perf_counter()
             found[key] = theory()
@@ -155,16 +156,16 @@ def models(study: Study, repeats: int = REPEATS) -> list[Setting]:
 
 
 def unheld(record: Record) -> list[str]:
-    """Return what a run has that the exact lattice, which holds more than the formulas, does not hold."""
+    """Return the traits of a run that the exact lattice leaves out; the formulas leave out more."""
     return missing("exact-lattice", traits_of(record))
 
 
 def lattice(wave: Wave, tau: NDArray[np.float64], rtol: float) -> Trajectory:
-    """p, q, φ of the exact lattice, the tolerance of the integrator given."""
+    """Return p, q, φ of the exact lattice, integrated with a tolerance."""
     return torus(wave, tau, rtol=rtol)
 
 
-# --- what to take ----------------------------------------------------------------------------------------------------
+# --- recommendation --------------------------------------------------------------------------------------------------
 
 
 def front(settings: Iterable[Setting], component: str | None = None) -> list[Setting]:
@@ -184,7 +185,7 @@ def _error(setting: Setting, component: str | None) -> float:
 
 
 def recommended(study: Study) -> Setting | None:
-    """Return the tolerance that is marked in the figure, if it was measured and met."""
+    """Return the setting that the figure marks: the tolerance `MARKED`, if it was measured and met."""
     asked = [s for s in study.complete if s.family == TOLERANCE and np.isclose(float(s.name), MARKED)]
     return next((s for s in asked if s.worst <= MARKED), None)
 
@@ -199,21 +200,21 @@ def table(found: Measured) -> str:
     known = ", ".join(f"{name} {value:.1e}" for name, value in study.floor.items() if value is not None)
     lines += ["", f"error of the reference of the settings, estimated: {known}"]
     if left_out := unheld(study.record):
-        lines.append(f"no theory here holds {', '.join(left_out)}: LAMMPS stands alone")
+        lines.append(f"no theory here holds {', '.join(left_out)}: the table has LAMMPS only")
     return "\n".join(lines)
 
 
 # --- figure ----------------------------------------------------------------------------------------------------------
 
-# Okabe and Ito's colours, and a shape of its own for each family, which is known by it in grey
+# Colours by Okabe and Ito; each family also has its own shape, so that it is recognised in grey
 STYLES = {
     "time step": ("o", "#0072b2"),
     TOLERANCE: ("D", "#000000"),
     FORMULA: ("$f$", "#000000"),
     LATTICE: ("h", "#ffffff"),
 }
-JOINED = ("time step", TOLERANCE, LATTICE)  # their settings are in an order
-# Where the name stands, in points from the marker, and which of its ends is there
+JOINED = ("time step", TOLERANCE, LATTICE)  # families with ordered settings, joined by a line
+# Offset of a name from its marker, in points, and the end of the name that is there
 NAMES: dict[str, tuple[tuple[float, float], str]] = {
     "second-order": ((0, 9), "left"),
     "frequency-shift": ((0, -9), "left"),
@@ -223,9 +224,9 @@ TITLES = {"p": "$p$ (second harmonic)", "q": "$q$ (fundamental)", "phi": r"$\phi
 
 
 def draw(found: Measured) -> Figure:
-    """Error of p and of q over the seconds; bars from the fastest to the slowest round.
+    """Return the figure: errors of p and of q over the seconds, with bars from the fastest to the slowest round.
 
-    Grey below: what the reference of the settings cannot tell; theories have another.
+    The grey area is below the error of the reference of the settings; theories have another reference.
     """
     study, levels = found
     shown = [name for name in COMPONENTS if study.floor[name] is not None][:2]
@@ -295,4 +296,4 @@ def measure(folder: str) -> Measured:
     return study, models(study)
 
 
-main = script(__name__, measure, table, draw, ("folder", "of granular-lmp cost"))
+main = script(__name__, measure, table, draw, ("folder", "folder of granular-lmp cost"))

@@ -1,11 +1,11 @@
-"""The same crystal with either adhesion law, DMT and JKR: forces, second harmonic, resonance and antiresonance.
+"""The same crystal with the adhesion laws DMT and JKR: forces, second harmonic, resonance and antiresonance.
 
     granular-analysis adhesion_laws SWEEP... [-o FILE]
 
 Each SWEEP is the folder of a sweep of TR waves over ``sphere.adhesion_law`` and wave number, and over two time steps h
-and h/2 if Richardson's extrapolation is wanted; ``make adhesion`` makes them. The table has the second harmonic of the
-runs beside theory, and where resonance and antiresonance are, by theory and by the runs
-(`cases.spectrum.points`). The two panels below are theory alone, in the paper's geometry.
+and h/2 for Richardson's extrapolation; ``make adhesion`` makes them. The table compares the second harmonic of the runs
+with theory, and gives the wave numbers of resonance and antiresonance from the runs (`cases.spectrum.points`) and from
+theory. The two lower panels are theory alone, in the paper's geometry.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,13 +28,13 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 COLOURS: Final[dict[Adhesion, str]] = {"dmt": "black", "jkr": "C3"}
-POINTS = 50  # on each line of theory in the panels below
-# A contact that nothing presses has these k1Δ0 in πwRc, and Δ0 in that of the DMT law
+POINTS = 50  # points on each line of theory in the lower panels
+# k1 Δ0 of a contact without a load, in πwRc; and its Δ0, over that of the DMT law
 UNITS: Final[dict[Adhesion, tuple[float, float]]] = {"dmt": (3.0, 1.0), "jkr": (1.8, 3 ** (-1 / 3))}
 
 
 def force(law: Adhesion, overlap: Floats) -> Floats:
-    """Force, in πwRc, that pushes two spheres at overlaps in Δ0 of the DMT law; nan where they do not touch."""
+    """Return the repulsive force, in πwRc, of two spheres at overlaps in Δ0 of the DMT law; nan without a contact."""
     adhesion = Contact(SILICA, adhesion_law=law).adhesion
     size, length = UNITS[law]
     own = overlap / length
@@ -43,12 +43,14 @@ def force(law: Adhesion, overlap: Floats) -> Floats:
 
 
 def by_law(records: Sequence[Record]) -> dict[Adhesion, list[Record]]:
-    """Return the runs of each law by wave number, pairs of steps extrapolated; of two cells with one wave the last.
+    """Return the runs of each law by wave number, with pairs of steps extrapolated.
+
+    If two cells have the same wave, the last is taken.
 
     Raises
     ------
     ValueError
-        If runs of one law have different contacts, waves other than TR, or are none of the spectrum's.
+        If runs of one law have different contacts, waves are not TR, or `cases.spectrum.points` refuses a run.
     """
     groups: dict[Adhesion, list[Record]] = {}
     for record in records:
@@ -68,7 +70,7 @@ def _wavenumber(record: Record) -> float:
 
 
 def table(groups: Mapping[Adhesion, Sequence[Record]]) -> str:
-    """Deviation of the runs from theory by law, and both locations, of runs and theory."""
+    """Return the deviation of the runs from theory for each law, and both wave numbers from runs and theory."""
     lines = [f"{'law':5}{'kappa':>10}{'runs':>6}{'deviation, median':>19}{'largest':>10}"]
     for law, records in groups.items():
         off = np.abs([point(record).deviation for record in records])
@@ -87,7 +89,7 @@ def table(groups: Mapping[Adhesion, Sequence[Record]]) -> str:
 
 
 def draw(groups: Mapping[Adhesion, Sequence[Record]]) -> Figure:
-    """Return the figure: forces, spectrum with the runs on theory, and where theory has resonance and antiresonance."""
+    """Return the figure: forces, spectrum of runs and theory, and resonance and antiresonance of theory."""
     figure = page(6.4)
     (forces, spectrum), (ratios, pressed) = figure.subplots(2, 2)
     _draw_forces(forces)

@@ -1,23 +1,25 @@
-"""The second harmonic behind an interface: how much was made before it, and how much at it and behind.
+"""Second harmonic behind an interface: the parts generated before the interface, at it, and behind it.
 
     granular-analysis behind SWEEP [-o FILE]
 
-SWEEP is a sweep of a tone of TR waves over the first row of an inclusion that reaches the upper end: runs of one
-interface at several distances from the source, with snapshots; ``make scattering`` makes one. A TR wave of the
-frequency Ω drives p at 2Ω. With the rows n counted from the interface, and a, b the amplitudes of u there, behind
+SWEEP is a sweep of a tone of TR waves over the first row of an inclusion that reaches the upper end: runs with the same
+interface at several distances from the source, with snapshots; ``make scattering`` makes one. A TR wave of frequency Ω
+drives p at 2Ω. With rows n counted from the interface, and a, b the amplitudes of u at the interface in front and
+behind, the field behind is
 
-    p_n(2Ω) = F b² e^{2iξn} + B a² e^{ikn} + (what comes back from the end) e^{−ikn},    ξ of TR at Ω, k of L at 2Ω
+    p_n(2Ω) = F b² e^{2iξn} + B a² e^{ikn} + (reflection from the end) e^{−ikn},    ξ of TR at Ω, k of L at 2Ω
 
-F is forced: it is made all along, behind. B is a free wave, and so is P, its like in front with the wave numbers there.
-P starts at the source, and arrives with a phase that turns with the distance. What is made at the interface, where the
-forced waves of both sides meet, does not:
+F is the forced wave, generated everywhere behind the interface. B is the free wave behind, P the free wave in front,
+with the wave numbers there. P starts at the source, so its phase at the interface changes with the distance. The wave H
+generated at the interface, where the forced waves of both sides meet, has a constant phase:
 
     B = τ P + H
 
-τ and H are fitted to the runs. τ P was made before, H at the interface. |τ| is known from the linear lattice,
-`granular_analysis.theory.transfer`, which the fit knows nothing of.
+τ and H are fitted to the runs. τ P was generated before the interface, H at it. The linear lattice
+(`granular_analysis.theory.transfer`) gives |τ| independently of the fit.
 
-Breaks where L waves do not run at 2Ω on both sides, and for distances that are all one beat, 2π/(2ξ − k), apart.
+Breaks if L waves do not propagate at 2Ω on both sides, and if all distances differ by multiples of the beat length
+2π/(2ξ − k).
 """
 
 from collections.abc import Sequence
@@ -39,23 +41,23 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
-PERIODS = 10  # amplitudes are taken over as many periods of Ω at the end of a run
-PER_PERIOD = 4  # fewest samples in a period of 2Ω
-NEAR = 3  # rows beside source, interface and quiet end that are left out: near fields have decayed there
-FEWEST = 4  # runs
+PERIODS = 10  # periods of Ω at the end of a run from which amplitudes are fitted
+PER_PERIOD = 4  # least samples in a period of 2Ω
+NEAR = 3  # rows left out next to source, interface and quiet end, in which near fields decay
+FEWEST = 4  # least runs
 
 
 @dataclass(frozen=True)
 class Behind:
-    """One run, amplitudes in u(Ω)² at the interface on their side; complex.
+    """Waves of one run; complex amplitudes in units of u(Ω)² at the interface, in front or behind.
 
     Attributes
     ----------
     distance : rows from the source to the interface.
-    forced_before, forced : of the waves with 2ξ in front and behind.
-    free_before, free : P and B; both over a².
+    forced_before, forced : forced waves, with 2ξ, in front (over a²) and behind (F, over b²).
+    free_before, free : P and B, both over a².
     passed : b²/a².
-    residual : what the waves behind leave of p at 2Ω, relative.
+    residual : relative norm of p at 2Ω behind that the fitted waves leave.
     """
 
     distance: float
@@ -69,15 +71,15 @@ class Behind:
 
 @dataclass(frozen=True)
 class Parts:
-    """The free wave behind, by where it is made.
+    """Parts of the free wave behind, by the place at which they are generated.
 
     Attributes
     ----------
-    runs : by distance.
+    runs : waves of each run, by distance.
     passes : τ.
     passes_in_theory : |τ| of the linear lattice.
     interface : H.
-    residual : what τP + H leaves of B, root mean square over that of B.
+    residual : root mean square of B − τP − H, over that of B.
     """
 
     runs: list[Behind]
@@ -88,9 +90,10 @@ class Parts:
 
 
 def amplitudes(tau: Floats, rate: Floats, frequency: float) -> tuple[Complexes, Complexes]:
-    """Return the displacements at Ω and at 2Ω, X of Re[X e^{−iΩτ}], from velocities (T, …) over the last periods.
+    """Return the displacement amplitudes X, in Re[X e^{−iΩτ}], at Ω and at 2Ω from velocities (T, …).
 
-    Raises ValueError for fewer than twice as many periods, and fewer than `PER_PERIOD` samples in a period of 2Ω.
+    The fit takes the last `PERIODS` periods. Raises ValueError for runs of fewer than twice as many periods, and for
+    fewer than `PER_PERIOD` samples in a period of 2Ω.
     """
     if np.diff(tau).max(initial=0.0) > np.pi / frequency / PER_PERIOD:
         raise ValueError(f"samples every tau = {np.diff(tau).max():.4g}: must be {PER_PERIOD} in a period of 2Ω")
@@ -106,9 +109,9 @@ def amplitudes(tau: Floats, rate: Floats, frequency: float) -> tuple[Complexes, 
 
 
 def measure(record: Record) -> tuple[Behind, Rows, float]:
-    """Return what a run has behind its interface, its rows at rest, and Ω in their unit.
+    """Return the waves of a run, its rows at rest, and Ω in the unit of the rows.
 
-    Raises ValueError for a run that is no TR tone before one interface, or that theory does not hold.
+    Raises ValueError unless the run has a TR tone before one interface, and for a run that theory leaves out.
     """
     scene = record.scene
     rows, unit = rows_at_rest(record)
@@ -136,7 +139,7 @@ def measure(record: Record) -> tuple[Behind, Rows, float]:
     n, m = front - (first - 0.5), back - (first - 0.5)
     (a, _), _ = waves(at_once[front, 0], n, (before, -before))
     (b, _), _ = waves(at_once[back, 0], m, (after, -after))
-    # The reflected wave drives p too, alone and with the incident one
+    # The reflected wave drives p too, by itself and together with the incident one
     ahead, _ = waves(at_twice[front, 1], n, (2 * before, before_twice, -before_twice, -2 * before, 0.0))
     (forced, free, _), left = waves(at_twice[back, 1], m, (2 * after, after_twice, -after_twice))
     distance = first - 0.5 - top
@@ -148,15 +151,15 @@ def measure(record: Record) -> tuple[Behind, Rows, float]:
 
 
 def parts(records: Sequence[Record]) -> Parts:
-    """Return what makes the free wave behind an interface, from runs with several distances of the source.
+    """Return the parts of the free wave behind an interface, from runs with several distances of the source.
 
-    Raises ValueError for fewer than `FEWEST` runs, for runs that differ in more than that, and as `measure`.
+    Raises ValueError for fewer than `FEWEST` runs, for runs that differ in more than the distance, and as `measure`.
     """
     if len(records) < FEWEST:
-        raise ValueError(f"{len(records)} runs: must be {FEWEST} at least, with the interface in other rows")
+        raise ValueError(f"{len(records)} runs: must be at least {FEWEST}, with the interface in different rows")
     kinds = {repr(all_but(record, "inclusion.rows")) for record in records}
     if len(kinds) > 1:
-        raise ValueError(f"{len(kinds)} kinds of runs: must be of one interface, and differ in its first row alone")
+        raise ValueError(f"{len(kinds)} kinds of runs: runs must differ only in the first row of the interface")
     measured = [measure(record) for record in records]
     found = sorted((each for each, _, _ in measured), key=lambda each: each.distance)
     _, rows, frequency = measured[0]
@@ -165,7 +168,7 @@ def parts(records: Sequence[Record]) -> Parts:
 
 
 def split(found: Sequence[Behind]) -> tuple[complex, complex, float]:
-    """Return τ and H of the free waves of several runs, and what τP + H leaves of B, relative."""
+    """Return τ and H of the free waves of several runs, and the relative norm of B − τP − H."""
     before, behind = (np.array([getattr(each, name) for each in found]) for name in ("free_before", "free"))
     basis = np.column_stack([before, np.ones_like(before)])
     (passes, interface), *_ = np.linalg.lstsq(basis, behind, rcond=None)
@@ -174,7 +177,7 @@ def split(found: Sequence[Behind]) -> tuple[complex, complex, float]:
 
 
 def passage(rows: Rows, frequency: float) -> float:
-    """Return |v| behind over |v| in front of an L wave that passes the rows, from the share of its energy."""
+    """Return |v| behind over |v| in front for an L wave that passes the rows, from its transmitted energy."""
     share = scattering(rows, frequency, "L").transmitted["L"]
     front, back = (running(each, frequency)["L"] for each in (rows, rows.reversed))
     carried = [wave.flux / np.abs(wave.here[1]) ** 2 for wave in (front, back)]
@@ -182,7 +185,7 @@ def passage(rows: Rows, frequency: float) -> float:
 
 
 def table(found: Parts) -> str:
-    """Return the amplitudes over a², a line for each run, and their parts."""
+    """Return the amplitudes over a² with a line for each run, and the fitted parts."""
     lines = [f"{'rows to the interface':>21}{'forced behind':>15}{'free behind':>13}{'made before':>13}{'left':>9}"]
     for each in found.runs:
         numbers = (abs(each.forced * each.passed), abs(each.free), abs(found.passes * each.free_before))
@@ -190,8 +193,8 @@ def table(found: Parts) -> str:
     return "\n".join(
         [
             *lines,
-            f"made at the interface: {abs(found.interface):.5f}; both parts leave {found.residual:.1e} of the free one",
-            f"what is made before passes with {abs(found.passes):.4f}, in theory with {found.passes_in_theory:.4f}",
+            f"made at the interface: {abs(found.interface):.5f}; the fit leaves {found.residual:.1e} of the free wave",
+            f"the part made before passes with {abs(found.passes):.4f}, in theory with {found.passes_in_theory:.4f}",
         ]
     )
 
@@ -227,4 +230,4 @@ def draw(found: Parts) -> Figure:
     return figure
 
 
-main = script(__name__, parts, table, draw, ("sweeps", "a sweep over the first row of an inclusion"))
+main = script(__name__, parts, table, draw, ("sweeps", "sweep over the first row of an inclusion"))

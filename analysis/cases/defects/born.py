@@ -1,44 +1,44 @@
-"""Attenuation and shift of frequency of a wave in a hexagonal sheet whose spheres differ in density: Born's order.
+"""Attenuation and frequency shift of a wave in a hexagonal sheet of spheres with random densities, to Born's order.
 
-Sphere j has the density ρ(1 + ε_j), ⟨ε_j⟩ = 0, ⟨ε_j ε_l⟩ = σ²δ_jl, and so mass and moment of inertia of M(1 + ε_j);
-springs are those of the perfect sheet. A motion U e^{−iΩt} obeys
+Sphere j has the density ρ(1 + ε_j) with ⟨ε_j⟩ = 0, ⟨ε_j ε_l⟩ = σ²δ_jl; its mass and moment of inertia are M(1 + ε_j).
+Springs are those of the perfect sheet. A motion U e^{−iΩt} obeys
 
     (D − Ω²M) U = Ω² M ε U.
 
-Put into itself once, and averaged over the disorder, this gives the coherent wave a self-energy of second order,
+One iteration of this equation, averaged over the disorder, gives the coherent wave a self-energy of second order,
 
     Ω² = Ω_k² − Σ(Ω_k),    Σ(Ω) = σ²Ω⁴ (1/N) Σ_k'b' |e†M e'|² / (Ω'² − Ω² − i0),    e†M e = 1,
 
-over all modes e' = e(k', b') of the zone: uncorrelated disorder changes the wave vector at will, so that only the
-overlap of the polarisations is left. With Ω = Ω_k + shift − iΓ
+over all modes e' = e(k', b') of the zone. Uncorrelated disorder scatters into all wave vectors alike, so only the
+overlap of the polarisations enters. With Ω = Ω_k + shift − iΓ
 
     shift = −Re Σ/(2Ω),    Γ = Im Σ/(2Ω) = (π/4) σ²Ω² (1/N) Σ_k'b' |e†M e'|² δ(Ω' − Ω).
 
-2Γ, the loss of energy, is Tamura's rate of isotope scattering (1983), (π/2) g ω² (1/N) Σ |e*·e'|² δ(ω − ω') with
-g = σ². In first order there is no shift: mass disorder leaves the speed.
+The energy decays at 2Γ, which is Tamura's rate of isotope scattering (1983), (π/2) g ω² (1/N) Σ |e*·e'|² δ(ω − ω')
+with g = σ². There is no shift in first order: mass disorder does not change the speed.
 
-**Long waves.** In two dimensions modes of frequency Ω lie on circles of length ∝ Ω, and polarisations overlap by half,
-whatever the branches, on the average over angles. With the area A = √3/2 of a sphere's cell
+**Long waves.** In two dimensions modes of frequency Ω lie on circles of length ∝ Ω, and the squared overlap of
+polarisations is one half on average over angles, for any branches. With the area A = √3/2 of a sphere's cell
 
     Γ → σ² A Ω³ (1/c_L² + 1/c_T²)/16 ∝ q³,    shift → −σ²Ω³ A (1/c_L² + 1/c_T²) ln(q_D/q)/(8π),
 
-which is q^{d+1} of Rayleigh scattering in d = 2 (Klemens' ω⁴ in d = 3). `long_wave` is the first.
+which is Rayleigh scattering, q^{d+1}, in d = 2 (Klemens' ω⁴ in d = 3). `long_wave` returns the first.
 
-**One heavy sphere** of the mass (and moment of inertia) 1 + ε is solved to all orders: the T matrix of a defect that is
-one site is T = Ω²Mε [1 − G Ω²Mε]⁻¹ with G = (1/N) Σ e' e'†/(Ω'² − Ω² − i0), 3 × 3. By the optical theorem the wave
-loses the flux through a width (the cross-section of two dimensions)
+**One heavy sphere** with mass and moment of inertia (1 + ε)M is solved to all orders: the T matrix of a defect at one
+site is T = Ω²Mε [1 − G Ω²Mε]⁻¹ with G = (1/N) Σ e' e'†/(Ω'² − Ω² − i0), 3 × 3. By the optical theorem the wave loses
+the flux through a width (the cross-section in two dimensions)
 
-    W = A Im(e†T e)/(Ω |v_g|),        long waves: W → Γ of the above with σ² → ε², 2Γ A/|v_g|.
+    W = A Im(e†T e)/(Ω |v_g|),        long waves: W → 2Γ A/|v_g| with the above Γ and σ² → ε².
 
-**Sum over the zone.** δ is a Gaussian of standard deviation `width`, and the principal value its Hilbert transform, so
-the error is of order (width/Ω)², and a sum over a grid whose frequencies are no farther apart than the width is
-converged to rounding. Both are parameters, and tests double them.
+**Sum over the zone.** δ is a Gaussian of standard deviation `width`, and the principal value is its Hilbert transform,
+so the error is of order (width/Ω)². A sum over a grid converges to rounding if neighbouring frequencies differ by no
+more than the width. Width and grid are parameters, and tests double them.
 
-Breaks where Γ is not small against Ω, for σ above about 0.3, and near van Hove singularities (flat branches), where
-next orders broaden the modes that are summed. Disorder of radii is not held: it disorders the springs, in first order.
+Breaks if Γ is not small against Ω, for σ above about 0.3, and near van Hove singularities (flat branches), where higher
+orders broaden the modes in the sum. Disorder of radii is left out: it disorders the springs, in first order.
 
-Sources: S. Tamura, Phys. Rev. B 27, 858 (1983), and P. G. Klemens, Proc. Phys. Soc. A 68, 1113 (1955); of the first
-the abstract was read, of the second only what others quote. The derivation above is our own.
+Sources: S. Tamura, Phys. Rev. B 27, 858 (1983), of which the abstract was read; P. G. Klemens, Proc. Phys. Soc. A 68,
+1113 (1955), known only from quotations. The derivation above is our own.
 """
 
 from dataclasses import dataclass
@@ -55,19 +55,19 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 CELL = np.sqrt(0.75)  # area of a sphere's cell, in lattice constants squared
-GRID = 512  # converges widths down to 0.006: 2π(2/√3)/512 times the largest group speed, 0.43
+GRID = 512  # enough for widths down to 0.006, which is 2π(2/√3)/512 times the largest group speed, 0.43
 WIDTH = 0.006
-BLOCK = 4096  # wave vectors solved at once: all of 512 would leave the cache and take three times as long
+BLOCK = 4096  # wave vectors solved at once; all of a grid of 512 exceed the cache and take three times as long
 
 
 @dataclass(frozen=True)
 class Scattered:
-    """A coherent wave C e^{−Γt − i(Ω + shift)t}, per unit of the variance σ²; rates in 1/t0.
+    """Decay and shift of a coherent wave C e^{−Γt − i(Ω + shift)t}, per unit of the variance σ²; rates in 1/t0.
 
     Attributes
     ----------
     frequency : Ω of the perfect sheet.
-    rate : Γ/σ² of the amplitude; the energy decays at twice that.
+    rate : Γ/σ² of the amplitude; the energy decays at twice this rate.
     by_branch : (J,) parts of the rate by the branch scattered into, in ascending frequency; J is 3, or 2 without
         rotation.
     shift : shift of frequency over σ².
@@ -94,9 +94,9 @@ def scattered(
     ----------
     name : "L", "TR" or "RT".
     wavenumber : ξ = (√3/2)|k|, rad per row for a wave along y.
-    contact : of the perfect sheet; dashpots are left out.
-    direction : of k, degrees from a close-packed row.
-    width : standard deviation of δ, in rad/t0. Good: a tenth of Ω or less, and no less than 3/grid.
+    contact : contact of the perfect sheet; dashpots are ignored.
+    direction : direction of k, degrees from a close-packed row.
+    width : standard deviation of δ, in rad/t0. Good values: a tenth of Ω or less, and no less than 3/grid.
     grid : wave vectors along each side of the zone.
 
     Raises ValueError for a width that the frequency or the grid does not allow.
@@ -118,12 +118,12 @@ def impurity_width(
     width: float = WIDTH,
     grid: int = GRID,
 ) -> float:
-    """Return the width W, in lattice constants, whose flux one sphere of another density scatters.
+    """Return the scattering width W, in lattice constants, of one sphere of another density.
 
     Parameters
     ----------
-    mass_ratio : of the sphere to the others, positive.
-    name, wavenumber, contact, direction, width, grid : as of `scattered`.
+    mass_ratio : mass of the sphere over that of the others, positive.
+    name, wavenumber, contact, direction, width, grid : as for `scattered`.
 
     Raises ValueError for a mass ratio that is not positive, and as `scattered`.
     """
@@ -139,12 +139,12 @@ def impurity_width(
 def _answer(
     name: str, wavenumber: float, contact: Contact, direction: float, width: float, grid: int
 ) -> tuple[float, Floats, Complexes]:
-    """Return Ω and e of a wave, and G(Ω) at the site of its source by the branch that answers, (J, 3, 3)."""
+    """Return Ω and e of a wave, and the parts of G(Ω) at one site by branch, (J, 3, 3)."""
     frequency, mode = _mode(name, wavevector_of(wavenumber, direction), contact)
     _, shapes, norms = _zone(contact, grid)
     weights = (_resolvent(frequency, contact, width, grid) / norms)[..., None] * shapes
     green = np.moveaxis(weights, 0, -1) @ np.swapaxes(shapes, 0, 1) / len(shapes)
-    # Products of translation and rotation cancel between k' and −k': in the gauge φ = i f their signs are opposite
+    # Products of translation and rotation cancel between k' and −k', as their signs are opposite in the gauge φ = i f
     green[:, :2, 2:] = green[:, 2:, :2] = 0.0
     return frequency, mode, green
 
@@ -173,9 +173,9 @@ def _resolvent(frequency: float, contact: Contact, width: float, grid: int) -> C
 
 @lru_cache(maxsize=2)
 def _zone(contact: Contact, grid: int) -> tuple[Floats, Floats, Floats]:
-    """Return frequencies (K, J), shapes (K, J, 3) and their norms e†Me (K, J) over half the zone: −k is as k.
+    """Return frequencies (K, J), shapes (K, J, 3) and norms e†Me (K, J) over half the zone; −k gives the same as k.
 
-    The grid avoids k = 0 and mirrors by half a step.
+    The grid is shifted by half a step, to avoid k = 0 and mirror lines.
     """
     steps = (np.indices((grid, grid // 2)).reshape(2, -1).T + 0.5) / grid
     blocks = np.array_split(steps @ RECIPROCAL, -(-len(steps) // BLOCK))
@@ -185,26 +185,26 @@ def _zone(contact: Contact, grid: int) -> tuple[Floats, Floats, Floats]:
 
 
 def long_wave(name: str, wavenumber: float, contact: Contact) -> float:
-    """Return Γ/σ² of a long L or TR wave, A Ω³ (1/c_L² + 1/c_T²)/16 with Ω = c q; ξ and units as of `scattered`.
+    """Return Γ/σ² of a long L or TR wave, A Ω³ (1/c_L² + 1/c_T²)/16 with Ω = c q; ξ and units as for `scattered`.
 
     Raises ValueError for RT, whose frequency stays finite.
     """
     speeds = {"L": sound_speed("L", contact), "TR": sound_speed("TR", contact)}
     if name not in speeds:
-        raise ValueError(f"name = {name!r} must be L or TR: other waves are not long at low frequency")
+        raise ValueError(f"name = {name!r}: must be L or TR; other waves have no long-wave limit of frequency 0")
     frequency = speeds[name] * 2 / np.sqrt(3) * wavenumber
     return float(CELL * frequency**3 * sum(speed**-2 for speed in speeds.values()) / 16)
 
 
 def group_speed(name: str, wavenumber: float, contact: Contact, *, direction: float = 90.0) -> float:
-    """Return |dΩ/dk| along k, in lattice constants per t0; arguments as of `scattered`."""
+    """Return |dΩ/dk| along k, in lattice constants per t0; arguments as for `scattered`."""
     k, step = wavevector_of(wavenumber, direction), 1e-4 * wavevector_of(1.0, direction)
     above, below = (_mode(name, each, contact)[0] for each in (k + step, k - step))
     return abs(above - below) / float(2 * np.hypot(*step))
 
 
 def sound_speed(name: str, contact: Contact) -> float:
-    """Return Ω/|k| of a long L or TR wave, in lattice constants per t0; it is the same in all directions."""
-    k = wavevector_of(1e-3, 90.0)  # dispersion takes 1e-7 of it
+    """Return Ω/|k| of a long L or TR wave, in lattice constants per t0, equal for all directions."""
+    k = wavevector_of(1e-3, 90.0)  # dispersion lowers the speed by 1e-7 here
     frequencies, _ = real_modes(k, contact)
     return float(frequencies[int(branch_index(name, k, contact))] / np.hypot(*k))

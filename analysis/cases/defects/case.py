@@ -1,20 +1,20 @@
-"""A wave meets one defect: the scattered field, and how much of the wave it takes, against the network and theory.
+"""Scattering of a wave by one defect: scattered field and scattering width in LAMMPS, in the network and in theory.
 
     granular-analysis defects PERFECT DEFECT... [-o FILE]
 
-PERFECT and each DEFECT are run folders of one scene, whose crystal is perfect and holds one inclusion of one sphere: a
-vacancy or another density. All have snapshots of all spheres (``output.particles``); ``make disorder`` makes them. The
-scattered field is the difference of the two runs. Its energy E grows as the incident flux through the scattering width
-W, the cross-section of two dimensions:
+PERFECT and each DEFECT are run folders of one scene. The crystal of PERFECT is perfect; that of a DEFECT has one
+inclusion of one sphere, a vacancy or another density. All runs have snapshots of all spheres (``output.particles``);
+``make disorder`` makes them. The scattered field is the difference of the two runs. Its energy E grows with the
+incident flux through the scattering width W, the cross-section in two dimensions:
 
-    E(τ) = W v_g ε (τ − τ0),    ε: energy of the incident wave per area, v_g its group speed.
+    E(τ) = W v_g ε (τ − τ0),    ε: energy of the incident wave per area, v_g: its group speed.
 
-E is twice the kinetic energy, and W comes from a line with oscillations at 2Ω fitted to it from `SETTLED` on. The same
-is done with the witness `granular_analysis.theory.network`, which starts from the first snapshots of the same runs; and
-for a heavy sphere W is known in closed form, `cases.defects.born.impurity_width`.
+E is twice the kinetic energy. W is the slope of a line, with oscillations at 2Ω, fitted to E from `SETTLED` on. The
+network (`granular_analysis.theory.network`), started from the first snapshots of the same runs, gives a second W; for
+a heavy sphere a closed form, `cases.defects.born.impurity_width`, gives a third.
 
-Breaks once scattered waves have gone around the periodic cell and meet the defect again: keep runs shorter than the
-cell's width over the speed of L waves, 0.43 lattice constants per t0. The wave must be small (D0 = 0.01 Δ0).
+Breaks when scattered waves have passed around the periodic cell and meet the defect again: runs must be shorter than
+the width of the cell over the speed of L waves, 0.43 lattice constants per t0. The wave must be weak (D0 = 0.01 Δ0).
 """
 
 from collections.abc import Sequence
@@ -39,25 +39,25 @@ from granular_lmp.runs.record import Record
 Floats = NDArray[np.float64]
 
 HELD = OF_A_WAVE - {OBLIQUE} | {f"inclusion.{name}" for name in ("spheres", "vacancy", "density")}
-SETTLED = 20.0  # τ: by then the defect and its neighbours move as they go on to do
-RTOL = 1e-9  # for the witness
+SETTLED = 20.0  # τ after which the defect and its neighbours move steadily
+RTOL = 1e-9  # of the network
 
 
 @dataclass(frozen=True)
 class Scattering:
-    """One defect.
+    """Scattering of one defect.
 
     Attributes
     ----------
-    name : what the defect is.
+    name : the defect, in words.
     tau : (T,).
-    places : (N, 2) in lattice constants, without the defect.
+    places : (N, 2) places without the defect, lattice constants.
     field : (T, N, 2) scattered displacement over the incident amplitude, in LAMMPS.
-    widths : (T,) scattered energy over the incident flux per time, E/(v_g ε), of LAMMPS and of the network.
+    widths : (T,) scattered energy over the incident flux, E/(v_g ε), in LAMMPS and in the network.
     width, width_of_network : W, lattice constants.
-    theory : W in closed form, None for a vacancy.
-    difference : largest difference of the scattered fields of LAMMPS and the network, over the largest displacement in
-        them.
+    theory : W in closed form; None for a vacancy.
+    difference : largest difference between the scattered fields of LAMMPS and the network, over the largest
+        displacement.
     """
 
     name: str
@@ -73,25 +73,25 @@ class Scattering:
 
 
 def defect_of(record: Record) -> tuple[int, float]:
-    """Return the index of the one sphere that differs, row by row, and its density over the others'; 0: it is missing.
+    """Return the index of the defect, row by row, and its density over that of the others; 0 for a vacancy.
 
-    Raises ValueError for a run with anything else that is not perfect.
+    Raises ValueError for a run with any other imperfection.
     """
     if left := sorted(traits_of(record) - HELD):
-        raise ValueError(f"{record.folder}: {', '.join(left)}: the figure of defects leaves that out")
+        raise ValueError(f"{record.folder}: the figure of defects leaves out {', '.join(left)}")
     inclusions = record.scene.inclusion
     if len(inclusions) != 1 or len(inclusions[0].spheres) != 1 or inclusions[0].rows or len(inclusions[0].disc):
         raise ValueError(f"{record.folder}: needs one [[inclusion]] with one sphere, spheres = [[row, column]]")
     (each,) = inclusions
     if not each.vacancy and set(each.of_material) != set() or each.radius is not None:
-        raise ValueError(f"{record.folder}: the sphere must be missing, or differ in density alone")
+        raise ValueError(f"{record.folder}: the sphere must be missing, or differ only in density")
     (row, column), sphere = each.spheres[0], record.scene.sphere
     ratio = 0.0 if each.vacancy else (each.density or sphere.density) / sphere.density
     return row * record.scene.shape.columns + column, ratio
 
 
 def witness(record: Record, tau: Floats) -> tuple[Floats, Floats]:
-    """Return fields and rates (T, N, 3) of u, v, Rθ in D0 of the network that starts from a run's first snapshot."""
+    """Return u, v, Rθ and their rates (T, N, 3), in D0, of the network started from a run's first snapshot."""
     first = first_snapshot(record)
     motion = integrate(first.network, first.state, tau * first.time, rtol=RTOL).motion
     scale = np.array([1.0, 1.0, first.radius])[:, None] / first.length
@@ -99,22 +99,22 @@ def witness(record: Record, tau: Floats) -> tuple[Floats, Floats]:
 
 
 def width_of(tau: Floats, energy: Floats, frequency: float) -> float:
-    """Return the slope of E(τ), (T,), from `SETTLED` on, beside oscillations at 2Ω.
+    """Return the slope of E(τ), (T,), from `SETTLED` on, fitted together with oscillations at 2Ω.
 
     Raises ValueError for fewer than six samples.
     """
     late = tau >= SETTLED
     if np.count_nonzero(late) < 6:
-        raise ValueError(f"{np.count_nonzero(late)} snapshots from tau = {SETTLED:g} on; six are needed at least")
+        raise ValueError(f"{np.count_nonzero(late)} snapshots from tau = {SETTLED:g} on; at least six are needed")
     x = tau[late]
     basis = np.stack([x, np.ones_like(x), np.cos(2 * frequency * x), np.sin(2 * frequency * x)], axis=1)
     return float(np.linalg.lstsq(basis, energy[late], rcond=None)[0][0])
 
 
 def compare(perfect: Record, record: Record) -> Scattering:
-    """Measure the scattering of a run's defect, in LAMMPS and by the network.
+    """Return the scattering of a run's defect, in LAMMPS and in the network.
 
-    Raises ValueError if the two runs differ in more than the inclusion, or hold no single defect.
+    Raises ValueError if the two runs differ in more than the inclusion, or the run does not have a single defect.
     """
     index, ratio = defect_of(record)
     scene, contact = record.scene, contact_of(record)
@@ -122,7 +122,7 @@ def compare(perfect: Record, record: Record) -> Scattering:
     other = {key: value for key, value in perfect.scene.departures().items() if key != "name"}
     if different := sorted(key for key in same.keys() | other.keys() if same.get(key) != other.get(key)):
         raise ValueError(
-            f"{record.folder} and {perfect.folder} differ in {', '.join(different)}, not in a defect alone"
+            f"{record.folder} and {perfect.folder} differ in {', '.join(different)}; they must differ in a defect only"
         )
     shape = scene.shape
     count = shape.rows * shape.columns
@@ -131,7 +131,7 @@ def compare(perfect: Record, record: Record) -> Scattering:
     runs = record.snapshots(), perfect.snapshots()
     tau = runs[0].tau
     if len(tau) != len(runs[1].tau) or not np.allclose(tau, runs[1].tau):
-        raise ValueError(f"{record.folder} and {perfect.folder}: their snapshots are of different times")
+        raise ValueError(f"{record.folder} and {perfect.folder}: their snapshots have different times")
     lammps = [tuple(fields_of(each, *names) for names in _FIELDS) for each in runs]
     network = [witness(each, tau) for each in (record, perfect)]
     inertia = np.array([1.0, 1.0, contact.inertia])
@@ -173,7 +173,7 @@ def table(found: Sequence[Scattering]) -> str:
 
 
 def draw(found: Sequence[Scattering]) -> Figure:
-    """Draw for each defect the scattered displacement across and along the wave, and its energy over time."""
+    """Return the figure: for each defect the scattered displacement across and along k, and its energy over time."""
     figure = page(2.6 * len(found))
     panels = figure.subplots(len(found), 3, squeeze=False, width_ratios=[1, 1, 1.1])
     for row, each in zip(panels, found, strict=True):
@@ -214,9 +214,9 @@ def _energy(axes: Axes, each: Scattering) -> None:
 
 
 def measure(records: Sequence[Record]) -> list[Scattering]:
-    """Return the scattering of each defect beside the perfect crystal, whose run is the first."""
+    """Return the scattering of each defect; the first run is the perfect crystal."""
     perfect, *others = records
     return [compare(perfect, each) for each in others]
 
 
-main = script(__name__, measure, table, draw, ("runs", "the perfect crystal, then the same with a defect"))
+main = script(__name__, measure, table, draw, ("runs", "run of the perfect crystal, then runs with a defect"))

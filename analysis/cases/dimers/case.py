@@ -1,10 +1,10 @@
-"""The front of an impact on a chain of heavy and light spheres: its decay, and what it leaves in the light ones.
+"""Front of an impact on a chain of heavy and light spheres: its decay, and the motion of the light spheres behind it.
 
     granular-analysis dimers RUN [RUN ...] [-o FILE]
 
-RUN is a run folder of the shipped ``dimer_chain`` with any density of its light spheres, and ``time.sample`` at most
-0.15. Lines are those of `cases.dimers.front`, points are LAMMPS. The resonances and antiresonances of
-the theory are printed, and a line for each run.
+RUN is a run folder of the shipped ``dimer_chain`` with any density of its light spheres, and with ``time.sample`` at
+most 0.15. Lines are the theory of `cases.dimers.front`, points LAMMPS. The table has the resonances and antiresonances
+of the theory, and a line for each run.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ from granular_lmp.runs.record import Record
 
 RATIOS = np.sort(
     np.concatenate(
-        # The first three resonances are among them, where the line would pass above its lowest points
+        # Includes the first three resonances, because the line must reach its lowest points
         [
             np.arange(0.04, 0.1, 0.002),
             np.arange(0.1, 0.2, 0.005),
@@ -40,14 +40,14 @@ RATIOS = np.sort(
 )
 RESONANCES = ((0.34, 0.35), (0.15, 0.16), (0.088, 0.092), (0.06, 0.063))  # an interval around each
 ANTIRESONANCES = ((0.5, 0.65), (0.2, 0.28), (0.11, 0.14), (0.07, 0.085))
-SMALLEST = 1e-7  # λ of a run at a resonance is an error of the step, of either sign
+SMALLEST = 1e-7  # least λ in the figure; at a resonance λ of a run is an error of the step, of either sign
 
 
 def measured(record: Record) -> tuple[float, float, float]:
     """Return ε, λ and r of a run.
 
-    Raises ValueError if the chain is not of heavy and light spheres in turn, a heavy one first, which strikes alone, or
-    the record lacks spheres or is too coarse.
+    Raises ValueError unless heavy and light spheres alternate in the chain and its first, a heavy one, is the only
+    striker; and for a record that lacks spheres or is too coarse in time.
     """
     scene, sites = record.scene, Sites.of(record.scene)
     name, struck = scene.name, [sites.chosen(each).tolist() for each in scene.striker]
@@ -73,7 +73,7 @@ def measured(record: Record) -> tuple[float, float, float]:
 
 
 def draw(runs: Sequence[tuple[float, float, float]]) -> Figure:
-    """Return the panels: decay in a cell, and velocity of a light sphere behind the front, over the ratio of masses."""
+    """Return the figure: decay per cell, and velocity of a light sphere behind the front, over the mass ratio."""
     figure = page(3.4)
     decays, rattles = figure.subplots(1, 2)
     chains = [struck(float(ratio)) for ratio in RATIOS]
@@ -109,7 +109,7 @@ def table(runs: Sequence[tuple[float, float, float]]) -> str:
 
 
 def measure(records: Sequence[Record]) -> list[tuple[float, float, float]]:
-    """Return what the runs have."""
+    """Return ε, λ and r of each run."""
     return [measured(record) for record in records]
 
 

@@ -2,10 +2,10 @@
 
     granular-analysis disorder SWEEP... [-o FILE]
 
-Each SWEEP is the folder of a sweep over `disorder.seed` (``granular-lmp sweep``); ``make disorder`` makes all. What
-runs are for follows from their scenes: without snapshots they give the contacts that are left; with `disorder.density`
-the attenuation, beside Born's theory (`cases.defects.born`); L waves with `disorder.radius` the sound speed;
-TR waves, run with `wave.phase` 0 and π, the second harmonic. `cases.disorder.measures` says how each is read.
+Each SWEEP is the folder of a sweep over `disorder.seed` (``granular-lmp sweep``); ``make disorder`` makes all. The
+scene of a run decides its use: runs without snapshots give the remaining contacts; runs with `disorder.density` the
+attenuation, compared with Born's theory (`cases.defects.born`); L waves with `disorder.radius` the sound speed; TR
+waves, run with `wave.phase` 0 and π, the second harmonic. `cases.disorder.measures` defines each quantity.
 """
 
 from collections.abc import Iterable, Mapping
@@ -38,17 +38,17 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
-# Mean contacts per sphere of one crystal of 1020 spheres, by another protocol: the trial that this work began with
+# Mean contacts per sphere of one crystal of 1020 spheres, by another protocol: the first trial of this study
 TRIAL = {0.12: 6.0, 0.4: 5.996, 0.8: 5.737, 1.2: 5.428, 2.0: 5.12, 4.0: 4.714, 12.0: 4.271, 40.0: 3.971}
 HOLDS = {0.0: ("adhesion", "C0", "o"), 1.0: ("compression", "C1", "s")}
 RESONANCE = 1.8  # TR wave numbers below belong to the resonance (1.476), above to the antiresonance (2.129)
-SETTLED = 10.0  # τ: until then the scattered field is that of the start, and no decay yet
-SHORT = 40.0  # τ: the half height is given for this duration too
+SETTLED = 10.0  # τ before which the scattered field still depends on the start, and does not decay yet
+SHORT = 40.0  # shorter duration, τ, for which the half height is printed too
 
 
 @dataclass(frozen=True)
 class Found:
-    """All that the sweeps hold, by the kinds of runs."""
+    """Results of the sweeps, by the kinds of runs."""
 
     contacts: dict[tuple[float, float, float], Floats]
     density: dict[Key, Waves]
@@ -58,7 +58,7 @@ class Found:
 
     @property
     def centre(self) -> float:
-        """Return the wave number of the resonance that was run at most spreads."""
+        """Return the wave number near the resonance that was run with the most spreads."""
         counts: dict[float, int] = {}
         for key in self.harmonics:
             if key.wavenumber < RESONANCE:
@@ -66,7 +66,7 @@ class Found:
         return max(counts, key=lambda xi: counts[xi])
 
     def over_spread(self, wavenumber: float, prestress: float) -> dict[float, Waves]:
-        """Return the second harmonics of one wave number by s > 0, of the cell with most seeds."""
+        """Return the second harmonics of one wave number by s > 0, in the cell with the most seeds."""
         found: dict[float, Waves] = {}
         for key, waves in self.harmonics.items():
             if (key.wavenumber, key.prestress) == (wavenumber, prestress) and key.spread > 0:
@@ -77,7 +77,7 @@ class Found:
 
     @property
     def shapes(self) -> dict[float, dict[float, Waves]]:
-        """Return the resonances by s, under adhesion, in cells with four wave numbers or more."""
+        """Return the resonances by s, with adhesion, in cells with four wave numbers or more."""
         cells: dict[tuple[float, tuple[int, int]], dict[float, Waves]] = {}
         for key, waves in self.harmonics.items():
             if key.prestress == 0 and key.wavenumber < RESONANCE:
@@ -87,7 +87,7 @@ class Found:
     def perfect(self, wavenumber: float) -> Waves:
         """Return the second harmonic of the perfect crystal.
 
-        Raises ValueError if no sweep holds it.
+        Raises ValueError if no sweep has it.
         """
         for key, waves in self.harmonics.items():
             if (key.wavenumber, key.spread) == (wavenumber, 0.0):
@@ -96,9 +96,9 @@ class Found:
 
 
 def read(records: Iterable[Record]) -> Found:
-    """Sort runs by what their scenes make of them, and measure.
+    """Return the results of runs, sorted by their scenes.
 
-    Raises ValueError for runs with anything else than disorder, and for pairs that are none.
+    Raises ValueError for runs with other features than disorder, and for incomplete pairs.
     """
     kinds: dict[str, list[Record]] = {name: [] for name in ("contacts", "density", "sound", "harmonics")}
     for record in records:
@@ -129,9 +129,9 @@ def until(waves: Waves, duration: float) -> Waves:
 
 
 def half_height(found: Found, prestress: float, duration: float = np.inf) -> Value | None:
-    """Return the s at which the resonance is half as strong as in the perfect crystal, root mean square to a τ.
+    """Return the s at which the resonance is half as strong as in the perfect crystal, root mean square up to a τ.
 
-    None if it stays above half.
+    None if the resonance stays above half.
     """
     perfect = strength(until(found.perfect(found.centre), duration).amplitudes)
     heights = {
@@ -198,7 +198,7 @@ def table(found: Found) -> str:
 
 
 def draw(found: Found) -> Figure:
-    """Draw what was found, a panel for each kind: contacts, attenuation, sound; height, shape, antiresonance."""
+    """Return the figure with six panels: contacts, attenuation, sound; height, shape, antiresonance."""
     figure = page(8.6)
     panels = figure.subplots(3, 2).flat
     _contacts(panels[0], found)
@@ -304,7 +304,7 @@ def _heights(axes: Axes, found: Found) -> None:
         if not waves:
             continue
         value, error = np.transpose([measured(each) / perfect for each in waves.values()])
-        # Beyond, contacts that tear open drown what is coherent; where nothing coherent is left, the error is 0 as well
+        # At larger s, contacts that tear open hide the coherent part. If none is left, the error is 0 too
         known = (error > 0) & (error < 0.15)
         whole = [whole_strength(each.amplitudes) / perfect for each in waves.values()]
         marks: dict[str, Any] = {"color": colour, "markersize": 4}
@@ -352,7 +352,7 @@ def _antiresonance(axes: Axes, found: Found) -> None:
         if not waves:
             continue
         value, error = np.transpose([measured(each) for each in waves.values()]) / perfect
-        seen = value > 3 * error  # no coherent part is seen where it may be chance
+        seen = value > 3 * error  # smaller coherent parts may be chance, and are not drawn
         marks: dict[str, Any] = {"color": colour, "markersize": 4}
         axes.errorbar(np.array(list(waves))[seen], value[seen], error[seen], fmt=f"{mark}-", **marks, label=name)
         whole = [whole_strength(each.amplitudes) / perfect for each in waves.values()]

@@ -1,11 +1,11 @@
-"""Contacts left, attenuation and resonance of disordered crystals, read off sweeps over seeds.
+"""Remaining contacts, attenuation and resonance of disordered crystals, from sweeps over seeds.
 
 The second harmonic is that of `granular_analysis.measure.disordered`.
 
-**Attenuation.** Γ and the shift of frequency are fitted (`granular_analysis.measure.coherent.decay`) to C₁(τ) e^{iΩτ},
-averaged over the seeds, with Ω of the perfect sheet: what is left turns slowly, so a few samples do. C₁ = (C_u +
-iC_v/Ω)/2 of displacements and velocities is what runs along k; without, the wave scattered straight back would beat
-with it.
+**Attenuation.** Γ and the frequency shift are fitted (`granular_analysis.measure.coherent.decay`) to C₁(τ) e^{iΩτ},
+averaged over the seeds, with Ω of the perfect sheet. This product turns slowly, so a few samples are enough.
+C₁ = (C_u + iC_v/Ω)/2, from displacements and velocities, is the part that runs along k; C_u alone would beat with the
+wave that is scattered straight back.
 """
 
 from collections import defaultdict
@@ -31,15 +31,15 @@ from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-# Deviates are Gaussian, drawn again beyond 3: their variance is 1 − 6 exp(−9/2)/(√(2π) erf(3/√2))
+# Variance of Gaussian deviates that are redrawn beyond 3: 1 − 6 exp(−9/2)/(√(2π) erf(3/√2))
 CUT_VARIANCE = 0.97334
 
 
 class Key(NamedTuple):
     """Parameters that the seeds of one point share.
 
-    spread is s = σ 2R/Δ0 of the radii, density the relative deviation of densities; prestress is 1 under compression
-    alone; rows and columns are the crystal's.
+    `spread` is s = σ 2R/Δ0 of the radii, `density` the relative standard deviation of densities; `prestress` is 1 under
+    compression without adhesion; `rows` and `columns` give the size of the crystal.
     """
 
     mode: str
@@ -51,12 +51,12 @@ class Key(NamedTuple):
 
     @property
     def variance(self) -> float:
-        """Return the relative variance of the densities that are drawn."""
+        """Return the relative variance of the drawn densities."""
         return CUT_VARIANCE * self.density**2
 
 
 class Waves(NamedTuple):
-    """Coherent amplitudes C (n, T) of n seeds at T times, in D0; and Ω and the contact of the perfect sheet."""
+    """Coherent amplitudes C (n, T) of n seeds at T times, in D0, with Ω and the contact of the perfect sheet."""
 
     tau: Floats
     amplitudes: Complexes
@@ -70,7 +70,7 @@ def _spread(scene: Scene) -> float:
 
 
 def key_of(record: Record) -> Key:
-    """Return what a run shares with those of other seeds and signs."""
+    """Return the parameters that a run shares with runs of other seeds and signs."""
     scene = record.scene
     prestress = scene.sphere.contact_force / scene.sphere.holding_force
     return Key(
@@ -84,7 +84,7 @@ def key_of(record: Record) -> Key:
 
 
 def contacts_left(records: Iterable[Record]) -> dict[tuple[float, float, float], Floats]:
-    """Return Z of every crystal, (n,), by overlap ratio Δ0/2R, friction on the way to rest, and s.
+    """Return the contacts per sphere Z of each crystal, (n,), by overlap ratio Δ0/2R, friction while relaxing, and s.
 
     Runs of perfect crystals are left out.
     """
@@ -98,12 +98,12 @@ def contacts_left(records: Iterable[Record]) -> dict[tuple[float, float, float],
 
 
 def second_harmonics(records: Iterable[Record]) -> dict[Key, Waves]:
-    """Return C₂(τ) along k of the even part of every pair of runs, as `even_parts`."""
+    """Return C₂(τ) along k of the even part of each pair of runs, see `even_parts`."""
     return {key: _waves(runs[0], even_parts(runs)) for key, runs in _grouped(records).items()}
 
 
 def fundamentals(records: Iterable[Record]) -> dict[Key, Waves]:
-    """Return C₁(τ) of what runs along k of every run, its component along k for L and across for the others."""
+    """Return C₁(τ) of the wave that runs along k in each run: the component along k for L, across k for others."""
     found = {}
     for key, runs in _grouped(records).items():
         parts: dict[int, Complexes] = {}
@@ -130,7 +130,7 @@ def _waves(record: Record, parts: Complexes) -> Waves:
 
 
 def _frequency(record: Record) -> float:
-    """Return Ω of the perfect sheet as velocity Verlet has it, (2/h) arcsin(Ωh/2) with the step h of the run."""
+    """Return Ω of the perfect sheet under velocity Verlet, (2/h) arcsin(Ωh/2) with the step h of the run."""
     name = one_of(MODES, record.scene.require_wave().mode, "wave.mode")
     frequency = mode(name, record.scene.wavenumber, record.scene.direction, contact_of(record)).frequency
     step = record.scene.time.step
@@ -143,7 +143,7 @@ def measured(waves: Waves) -> Value:
 
 
 class Resonance(NamedTuple):
-    """A resonance beside the closed form of equal spheres: its shift in ξ, its height and width over theirs."""
+    """A resonance relative to the closed form for equal spheres: shift in ξ, ratio of heights, ratio of widths."""
 
     shift: Value
     height: Value
@@ -151,22 +151,20 @@ class Resonance(NamedTuple):
 
 
 def resonance(shape: Mapping[float, Waves], amplitude: float) -> Resonance:
-    """Return where a resonance lies, how high and wide it is: the closed form is shifted, scaled and stretched to it.
+    """Return shift, height and width of a resonance, from a least-squares fit of the closed form.
 
         strength(ξ) = h T(ξ_r + (ξ − ξ_r − shift)/w),    T: strength of the closed form, ξ_r: its resonance
 
-    by least squares.
-
     Parameters
     ----------
-    shape : C₂ by wave number ξ, of the same seeds each.
+    shape : C₂ by wave number ξ, with the same seeds at each ξ.
     amplitude : D0/Δ0.
 
-    Raises ValueError for fewer than four wave numbers, or if one has other seeds.
+    Raises ValueError for fewer than four wave numbers, or different numbers of seeds.
     """
     xi, waves = np.array(list(shape)), list(shape.values())
     if len(xi) < 4 or len({each.amplitudes.shape for each in waves}) > 1:
-        raise ValueError(f"{len(xi)} wave numbers must be four or more, of as many seeds each")
+        raise ValueError(f"{len(xi)} wave numbers: must be at least four, with equal numbers of seeds")
     contact, tau = waves[0].contact, waves[0].tau
     place = perfect_resonance(contact)
     if place is None:
@@ -186,7 +184,7 @@ def resonance(shape: Mapping[float, Waves], amplitude: float) -> Resonance:
     return Resonance(*(Value(float(value), float(error)) for value, error in zip(values, errors, strict=True)))
 
 
-@lru_cache(maxsize=8)  # a figure has several resonances of one crystal, at the same times
+@lru_cache(maxsize=8)  # several resonances of a figure have the same crystal and times
 def _perfect_strengths(place: float, contact: Contact, amplitude: float, tau: tuple[float, ...]) -> CubicSpline:
     """Return `perfect_strength` around a resonance, as a function of the wave number."""
     fine = np.linspace(0.5 * place, min(1.5 * place, 3.1), 1001)
@@ -194,7 +192,7 @@ def _perfect_strengths(place: float, contact: Contact, amplitude: float, tau: tu
 
 
 def perfect_strength(wavenumber: ArrayLike, contact: Contact, amplitude: float, tau: Floats) -> Floats:
-    """Return the strength of C₂ of TR waves along y between equal spheres, (...) as the wave numbers."""
+    """Return the strength of C₂ of TR waves along y in a crystal of equal spheres, at wave numbers of any shape."""
     crystal, k = hexagonal(contact), np.multiply.outer(wavenumber, wavevector_of(1.0, 90.0)[None])
     wave = branch_of(crystal, k, branch_index("TR", k, contact))
     along = 0.5 * amplitude * Mixed(crystal, wave, wave).signal(tau)[..., 0, 1]
@@ -202,7 +200,7 @@ def perfect_strength(wavenumber: ArrayLike, contact: Contact, amplitude: float, 
 
 
 def half(spreads: Sequence[float], heights: Sequence[Value], perfect: float) -> Value:
-    """Return the s at which a height is half that of the perfect crystal, linear between the points around it.
+    """Return the s at which a height is half that of the perfect crystal, by linear interpolation.
 
     Raises ValueError if the heights do not fall below half.
     """
@@ -210,7 +208,7 @@ def half(spreads: Sequence[float], heights: Sequence[Value], perfect: float) -> 
     errors = np.array([0.0, *(each.error for each in heights)]) / perfect
     below = np.flatnonzero(y < 0.5)
     if not below.size or np.any(np.diff(s) <= 0):
-        raise ValueError("the heights must fall below half, and the spreads be in ascending order")
+        raise ValueError("the heights must fall below half, and the spreads must ascend")
     j = int(below[0])
     share = (y[j - 1] - 0.5) / (y[j - 1] - y[j])
     slope = (y[j] - y[j - 1]) / (s[j] - s[j - 1])
@@ -221,7 +219,7 @@ def half(spreads: Sequence[float], heights: Sequence[Value], perfect: float) -> 
 
 
 def attenuation(waves: Waves, after: float = 0.0) -> tuple[Value, Value]:
-    """Return Γ and the shift of frequency of fundamentals, in 1/t0, from the samples at τ ≥ after."""
+    """Return Γ and the frequency shift of fundamentals, in 1/t0, from the samples at τ ≥ `after`."""
     late = waves.tau >= after
     tau = waves.tau[late]
 

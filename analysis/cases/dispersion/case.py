@@ -1,9 +1,9 @@
-"""Dispersion by simulation: the spectral density of a sheet kicked at random, over Γ–M–K–Γ, with the theory over it.
+"""Dispersion by simulation: spectral density of a sheet kicked at random, along Γ–M–K–Γ, with theory drawn over it.
 
     granular-analysis dispersion SHEET [-o FILE]
 
-SHEET is the folder of a kicked sheet (``granular-lmp kick``). The table says how far the peaks are from the three
-branches, in units of the resolution 2π/T. ``make dispersion`` does it all.
+SHEET is the folder of a kicked sheet (``granular-lmp kick``). The table gives the distances of the peaks from the three
+branches, in units of the resolution 2π/T. ``make dispersion`` runs and draws everything.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ BRANCHES = ("lower", "middle", "upper")
 
 
 def table(sheet: Sheet) -> str:
-    """Distances between theory and peaks, by branch, and of the peaks from theory."""
+    """Return the distances of each branch from its nearest peaks, and of the peaks from theory."""
     branches, others = misses(sheet, zone_path(sheet.box)[0])
     lines = [f"resolution {sheet.resolution:.4f} rad per tau; distances in units of it"]
     lines.append(f"{'':16}{'number':>7}{'median':>9}{'largest':>9}{'within 1':>10}")
@@ -30,11 +30,11 @@ def table(sheet: Sheet) -> str:
 
 
 def draw(sheet: Sheet) -> Figure:
-    """Draw the spectral density over the path, each wave vector in units of its largest, and the theory over it."""
+    """Return the figure: spectral density over its maximum at each wave vector of the path, and theory."""
     wavevectors, corners = zone_path(sheet.box)
     frequencies, power = density(sheet, wavevectors)
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(wavevectors, axis=0), axis=1))])
-    # From M to K by one corner, from K to Γ by another: the step between them has the length of its neighbours
+    # The path reaches K at one corner of the zone and leaves it at an equivalent one; that step is drawn as any other
     jump = corners[2]
     along[jump:] += (along[jump - 1] - along[jump - 2]) - (along[jump] - along[jump - 1])
     figure = page(4.6)
@@ -49,8 +49,8 @@ def draw(sheet: Sheet) -> Figure:
         title=rf"a sheet kicked at random, $\tau \leq$ {sheet.tau[-1]:g}: LAMMPS (grey), theory (red)",
     )  # fmt: skip
     axes.set_xticks([along[corner] for corner in corners], [r"$\Gamma$", "M", "K", r"$\Gamma$"])
-    figure.colorbar(mesh, label="spectral density, of the largest at each wave vector")
+    figure.colorbar(mesh, label="spectral density / its maximum at each wave vector")
     return figure
 
 
-main = script(__name__, Sheet.load, table, draw, ("folder", "of a kicked sheet"))
+main = script(__name__, Sheet.load, table, draw, ("folder", "folder of a kicked sheet"))

@@ -1,7 +1,7 @@
-"""Dispersion by simulation: the spectral density of a sheet kicked at random, and how far its peaks are from theory.
+"""Dispersion by simulation: spectral density of a sheet kicked at random, and distances of its peaks from theory.
 
-The velocities of all spheres over time, transformed in space and time, have power only where the lattice has waves;
-theory is `granular_analysis.theory.bloch.real_modes`, with the inertia of LAMMPS's contact geometry.
+The velocities of all spheres, transformed in space and time, have power only where the lattice has waves. Theory is
+`granular_analysis.theory.bloch.real_modes`, with the inertia of LAMMPS's contact geometry.
 """
 
 from dataclasses import dataclass
@@ -19,22 +19,22 @@ from granular_analysis.theory.bloch import real_modes
 from granular_analysis.theory.contact import Contact
 
 Floats = NDArray[np.float64]
-# Two waves nearer to each other, in resolutions, make one peak: half the width of the main lobe of the window.
+# Distance, in resolutions, below which two waves make one peak: half the width of the main lobe of the window
 LOBE = 2.0
-# Effects, tables and keys that the theory holds, and guards of a sheet that is not linear any more
+# Effects, tables and keys that the theory holds; and guards that trigger when a sheet is no longer linear
 EFFECTS = {f"effects.{name}" for name in ("adhesion", "shear", "rotation", "tracking", "width")}
 TABLES = {"name", "wave", "start", "time", "effects", "output"}
 KEYS = {f"sphere.{name}" for name in ("radius", "youngs_modulus", "poisson_ratio", "work_of_adhesion", "density")}
 KEYS |= {f"packing.{name}" for name in ("rows", "columns", "ends", "sides", "contact_force")}
 LINEAR = {"largest_slip": "contacts slid", "open_contacts": "contacts opened"}
-FEWEST = 8  # records: below, the window leaves next to nothing
+FEWEST = 8  # least records; with fewer the window leaves hardly any
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """Velocities (T, N, 3) of all spheres in any unit at the times tau (T,), and the lattice, in lattice constants.
+    """Velocities (T, N, 3) of all spheres, in any unit, at the times tau (T,); and the lattice, in lattice constants.
 
-    prestress is the share of compression in the force at rest.
+    `prestress` is the share of compression in the force at rest.
     """
 
     tau: Floats
@@ -47,29 +47,29 @@ class Sheet:
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Read the run folder of a kicked sheet.
+        """Return the kicked sheet in a run folder.
 
         Raises
         ------
         ValueError
-            For a run that was not kicked, holds fewer than `FEWEST` records or records too far apart, or a sheet that
-            the theory does not hold.
+            For a run without a kick, with fewer than `FEWEST` records, with records too far apart, or with a sheet that
+            the theory leaves out.
         """
         record = load(folder)
         scene, particles = record.scene, record.snapshots()
         if not scene.start.noise:
-            raise ValueError("start.noise is 0; not the sheet of granular-lmp kick")
+            raise ValueError("start.noise is 0: must be the run of granular-lmp kick")
         if len(particles) < FEWEST:
-            raise ValueError(f"{len(particles)} records; a spectrum takes at least {FEWEST}, kick it for longer")
+            raise ValueError(f"{len(particles)} records; a spectrum needs at least {FEWEST}: kick the sheet for longer")
         effects = {f"effects.{name}" for name, effect in record.info["effects"].items() if effect["on"]}
         said = {key for key in scene.departures() if key.partition(".")[0] not in TABLES}
         if left_out := sorted((effects - EFFECTS) | (said - KEYS)):
             raise ValueError(f"the linear theory here leaves out {', '.join(left_out)}")
         if "effects.rotation" not in effects or not (scene.shape.along_x and scene.shape.along_y):
-            raise ValueError("the theory here is of a periodic sheet whose spheres turn; choose another scene")
+            raise ValueError("the theory needs a periodic sheet whose spheres turn; choose another scene")
         for guard, what in LINEAR.items():
             if not record.info["guards"].get(guard, {}).get("quiet", True):
-                raise ValueError(f"{what}; the kick is too hard, take a smaller wave.amplitude")
+                raise ValueError(f"{what}; the kick is too hard: use a smaller wave.amplitude")
         velocity, spin = particles.stacks("velocity", "spin")
         sheet = cls(
             particles.tau,
@@ -87,21 +87,21 @@ class Sheet:
 
     @property
     def resolution(self) -> float:
-        """2π/T, rad per τ."""
+        """Resolution 2π/T, rad per τ."""
         return float(2 * np.pi / (self.tau[-1] - self.tau[0]))
 
     def theory(self, wavevectors: Floats) -> Floats:
-        """Frequencies (K, 3) of the three branches, ascending."""
+        """Return the frequencies (K, 3) of the three branches, ascending, rad per τ."""
         ratio, overlap, share = (float(each) for each in (self.poisson_ratio, self.overlap_ratio, self.prestress))
         return real_modes(wavevectors, Contact(ratio, overlap_ratio=overlap, prestress=share))[0]
 
 
 def zone_path(box: Floats) -> tuple[Floats, list[int]]:
-    """Return the wave vectors (K, 2) that a periodic sheet holds on Γ–M–K–Γ, and where on it the four corners are.
+    """Return the wave vectors (K, 2) on Γ–M–K–Γ that fit a periodic sheet, and the indices of the four corners.
 
-    M = (0, 2π/√3) and K = (2π/3, 2π/√3), or (4π/3, 0), in 1/lattice constant; rows of spheres lie along x.
+    M = (0, 2π/√3) and K = (2π/3, 2π/√3), or (4π/3, 0), in rad per lattice constant; rows of spheres lie along x.
 
-    Raises ValueError for a sheet that does not hold M and K: rows must be even and columns a multiple of 3.
+    Raises ValueError for a sheet that M and K do not fit: rows must be even and columns a multiple of 3.
     """
     columns, rows = round(box[0]), round(box[1] * 2 / np.sqrt(3))
     if columns % 3 or rows % 2:
@@ -115,16 +115,16 @@ def zone_path(box: Floats) -> tuple[Floats, list[int]]:
 
 
 def density(sheet: Sheet, wavevectors: Floats) -> tuple[Floats, Floats]:
-    """Frequencies (F,) and power (K, F) at them, both directions and all three components, through a Hann window."""
+    """Return frequencies (F,) and power (K, F), summed over both directions and all components, with a Hann window."""
     waves = projected(sheet.velocity, np.exp(-1j * wavevectors @ sheet.position.T))
     frequencies, power = spectral_density(sheet.tau, waves)
     return frequencies, power.sum(axis=1) / sheet.velocity.shape[1]
 
 
 def misses(sheet: Sheet, wavevectors: Floats) -> tuple[Floats, Floats]:
-    """Distances between theory and peaks, in resolutions: (K, 3) from each branch to its next peak, and for each peak.
+    """Return distances in resolutions: (K, 3) from each branch to its nearest peak, and from each peak to theory.
 
-    nan for branches that make one peak with another, and for the two at Γ that are the sheet as a whole, at rest.
+    nan for branches that share a peak with another, and for the two branches at Γ that move the sheet as a whole.
     """
     frequencies, power = density(sheet, wavevectors)
     theory = sheet.theory(wavevectors)

@@ -1,10 +1,10 @@
-"""Patterns of densities that double sound or focus it, in LAMMPS, and the resonance that doubles it.
+"""Patterns of densities that double the frequency of sound or focus it, in LAMMPS, and the resonance that doubles it.
 
     granular-analysis doubling FOLDER [-o FILE]
 
-FOLDER holds the runs of the case: the designed crystals and the uniform ones, each wave with both signs; and a weak
-longitudinal wave with the wave vector 2k in both. Its spectrum says at which frequencies the crystal swings at 2k. In
-the uniform crystal that is the one of the longitudinal branch, far from 2Ω; the pattern moves it there.
+FOLDER holds the runs of the case: designed and uniform crystals, each wave with both signs; and in both crystals a weak
+longitudinal wave with the wave vector 2k. The spectrum of that wave gives the frequencies of the crystal at 2k. The
+uniform crystal has the frequency of the longitudinal branch, far from 2Ω; the pattern moves it to 2Ω.
 """
 
 from dataclasses import dataclass
@@ -22,20 +22,20 @@ from granular_analysis.plotting import legend_above, letter, page
 Floats = NDArray[np.float64]
 NAMES = {"doubler": "second-harmonic", "second": "second-harmonic", "focus": "motion:right/left"}
 SOUND = "sound", "sound-uniform"
-FINER = 8  # points of a spectrum between two of the record's own
+FINER = 8  # points of a spectrum per 2π/T
 
 
 @dataclass(frozen=True)
 class Found:
-    """What the runs have.
+    """Results of the runs.
 
     Attributes
     ----------
-    values : by name, the objective of the designed crystal and of the uniform one.
-    places, densities : (N, 2) in radii and (N,) in the mean, of the first pattern.
-    spectra : of the designed and the uniform crystal, frequencies in rad/t0 and sizes, the largest 1.
-    doubled : 2Ω.
-    wavenumber : of the wave, rad per row.
+    values : objective of the designed and of the uniform crystal, by name.
+    places, densities : places (N, 2) in radii and densities (N,) over the mean, of the first pattern.
+    spectra : frequencies in rad/t0, and amplitudes over the largest, of the designed and the uniform crystal.
+    doubled : 2Ω, rad/t0.
+    wavenumber : wave number of the wave, rad per row.
     """
 
     values: dict[str, tuple[float, float]]
@@ -47,7 +47,7 @@ class Found:
 
 
 def measured(folder: str) -> Found:
-    """Return what the runs in a folder have."""
+    """Return the results of the runs in a folder."""
     there = Path(folder)
     values = {}
     for name, objective in NAMES.items():
@@ -63,7 +63,7 @@ def measured(folder: str) -> Found:
 
 
 def spectrum(folder: Path) -> tuple[Floats, Floats]:
-    """Return the frequencies of the part of a run that is periodic along its wave, and their sizes."""
+    """Return the spectrum of the part of a run with the wave vector of its wave: frequencies, relative amplitudes."""
     record = load(folder)
     snapshots = record.snapshots()
     spacing = np.ptp(snapshots.rest[:, 1]) / (record.scene.shape.rows - 1)
@@ -71,29 +71,30 @@ def spectrum(folder: Path) -> tuple[Floats, Floats]:
     along = np.mean(snapshots.stack("displacement")[:, :, 1] * np.exp(-1j * phase), axis=1)
     count = FINER * len(along)
     sizes = np.abs(np.fft.fft(along * np.hanning(len(along)), count))
-    sizes = sizes + sizes[-np.arange(count)]  # of waves both ways
+    sizes = sizes + sizes[-np.arange(count)]  # waves that run either way
     half = slice(count // 2)
     step = snapshots.tau[1] - snapshots.tau[0]
     return 2 * np.pi * np.fft.fftfreq(count, step)[half], sizes[half] / sizes[half].max()
 
 
 def table(found: Found) -> str:
-    """Return the numbers as text."""
+    """Return the results as text."""
     lines = []
     for name, (designed, uniform) in found.values.items():
         lines.append(f"{name:10}{designed:10.5g} designed{uniform:12.5g} uniform{designed / uniform:10.4g} times")
     (at, sizes), (other, others) = found.spectra
     lines.append(
-        f"2 Omega is {found.doubled:.4f} rad/t0; at 2k sound swings with {at[sizes.argmax()]:.3f} in the pattern, "
+        f"2 Omega is {found.doubled:.4f} rad/t0; the frequency at 2k is {at[sizes.argmax()]:.3f} in the pattern, "
         f"{other[others.argmax()]:.3f} in the uniform crystal"
     )
     return "\n".join(lines)
 
 
 def components(found: Found) -> tuple[Floats, Floats]:
-    """Return wave vectors that fit into the cell, (K, 2) in rad a lattice constant and rad a row, and |ρ̂| (K,).
+    """Return the largest Fourier components of the density: wave vectors (K, 2) that fit the cell, and |ρ̂| (K,).
 
-    A row is √3 radii high, a lattice constant two; the largest are those of half of the vectors, as ρ is real.
+    Wave vectors are in rad per lattice constant (two radii) and rad per row (√3 radii); one of each pair ±k is
+    returned, as ρ is real.
     """
     x, y = found.places.T
     row = np.rint((y - y.min()) / np.sqrt(3))
@@ -107,7 +108,7 @@ def components(found: Found) -> tuple[Floats, Floats]:
 
 
 def draw(found: Found) -> Figure:
-    """Draw the pattern, its Fourier components, and the spectra at 2k."""
+    """Return the figure: the pattern, its Fourier components, and the spectra at 2k."""
     figure = page(5.6)
     grid = figure.add_gridspec(2, 2)
     left, middle = (figure.add_subplot(grid[0, place]) for place in (0, 1))
@@ -131,4 +132,4 @@ def draw(found: Found) -> Figure:
     return figure
 
 
-main = script(__name__, measured, table, draw, ("folder", "the runs of the case"))
+main = script(__name__, measured, table, draw, ("folder", "folder of the runs of the case"))

@@ -1,10 +1,11 @@
-"""A driven row of a run, beside the steady waves of `cases.driven.waves`.
+"""Driven row in LAMMPS, compared with the steady waves of `cases.driven.waves`.
 
     granular-analysis driven RUN [-o FILE]
 
-The script fits 1, τ, and the harmonics 1 to 3 of Ω, with a Hann window, to every row over whole periods at the end of a
-run of form "driven" with snapshots of all spheres, in rows that the slowest of the waves has reached before, and where
-no echo of the far end arrives. It prints median deviations over those rows and draws the amplitudes over the rows.
+RUN is a run of form "driven" with snapshots of all spheres. The script fits 1, τ, and the harmonics 1 to 3 of Ω to the
+motion of each row, with a Hann window over whole periods at the end of the run. It takes the rows that the slowest of
+the waves has reached before, and that no echo of the far end reaches. It prints median deviations over these rows, and
+draws the amplitudes over the rows.
 """
 
 from dataclasses import dataclass, replace
@@ -24,15 +25,15 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-PERIODS = 5  # fewest in the window of the fit: Hann's sidelobes then keep 1, Ω and 2Ω apart
-PER_PERIOD = 8  # fewest snapshots: above Nyquist's 6 of the third harmonic
+PERIODS = 5  # least periods in the window of the fit; Hann's side lobes then separate 1, Ω and 2Ω
+PER_PERIOD = 8  # least snapshots in a period; the third harmonic needs 6
 FEWEST_ROWS = 3
-PART = 1 / 3  # share of the time after the ramp that the window takes
+PART = 1 / 3  # share of the time after the ramp that is in the window
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Amplitudes of a run and of theory over the rows n (N,), by name: components of the fundamental, 2Ω, the mean."""
+    """Amplitudes of a run and of theory over the rows n (N,), by name: fundamental, p at 2Ω, mean p."""
 
     wave: Wave
     n: NDArray[np.intp]
@@ -40,7 +41,7 @@ class Comparison:
     theory: dict[str, Complexes]
 
     def deviations(self) -> dict[str, tuple[float, float]]:
-        """Median over the rows of |X − X_theory|/|X_theory|, with phase, and of that of the moduli."""
+        """Return medians over the rows of |X − X_theory|/|X_theory|, and of the same for the moduli of X."""
         return {name: _medians(self.run[name], theory) for name, theory in self.theory.items()}
 
 
@@ -51,9 +52,9 @@ def _medians(run: Complexes, theory: Complexes) -> tuple[float, float]:
 
 
 def compare(record: Record, rows: Rows) -> Comparison:
-    """Fit a run and set theory beside it, in the rows and over the window of the module.
+    """Return the fitted amplitudes of a run with those of theory, in the rows and the window that the module defines.
 
-    Raises ValueError, in one line, for a run that is too short or too coarse in time for that.
+    Raises ValueError for a run that is too short, or whose snapshots are too far apart.
     """
     scene, wave = record.scene, wave_of(record)
     linear = wave.mode
@@ -61,10 +62,10 @@ def compare(record: Record, rows: Rows) -> Comparison:
     first, last = _window(rows.tau, scene.envelope.ramp, period)
     tau, velocity = rows.tau[first:], slowest(wave)
     distance = np.arange(rows.count - 1)
-    # Airy's front of the slowest wave, at the speed of that wave; then the echo of the held end, at the fastest
+    # Rows that the Airy front of the slowest wave has reached, and that the echo of the held end has not
     reached = scene.envelope.ramp + (distance + AIRY * np.cbrt(distance)) / velocity < tau[0]
     quiet = int(scene.absorb.rows)
-    # From quiet ends no echo comes back, but the rows that absorb move otherwise
+    # Quiet ends send no echo back, but the rows that absorb move differently
     echoed = distance >= rows.count - 1 - quiet if quiet else echo(2 * (rows.count - 1) - distance) <= last
     n = distance[reached & ~echoed & (distance > 0)]
     if len(n) < FEWEST_ROWS:
@@ -84,14 +85,14 @@ def compare(record: Record, rows: Rows) -> Comparison:
             run["phi"] = amplitudes_at(tau, rows.phi[first:, n], harmonics)[1][0]
             theory["phi"] = fundamental[2]
     run["p at 2Ω"], theory["p at 2Ω"] = p[1], second
-    # Quiet ends do not absorb a steady push, and the held end hinders it
+    # Quiet ends do not absorb a steady displacement, and a held end hinders it
     if not quiet and (linear.name == "L" or not wave.contact.incremental):
         run["mean p"], theory["mean p"] = means + 0j, static(wave, n) + 0j
     return Comparison(wave, n, run, theory)
 
 
 def _window(tau: Floats, ramp: float, period: float) -> tuple[int, float]:
-    """First snapshot and last τ of the window: whole periods, the last part of the run."""
+    """Return the first snapshot and the last τ of the window: whole periods in the last part of the run."""
     spacing = float(np.max(np.diff(tau))) if len(tau) > 1 else np.inf
     if spacing > period / PER_PERIOD * (1 + 1e-9):
         raise ValueError(f"snapshots every tau = {spacing:.4g} are too far apart: at most {period / PER_PERIOD:.4g}")
@@ -110,7 +111,7 @@ LABELS = {"phi": r"$\varphi$", "p at 2Ω": r"$p$ at $2\Omega$", "mean p": "mean 
 
 
 def draw(found: Comparison) -> Figure:
-    """Moduli over the rows, run over theory; below, what is left of the complex amplitudes."""
+    """Return the figure: moduli over the rows, of run and theory; below, the differences of the complex amplitudes."""
     figure = page(4.8)
     panels = figure.subplots(2, 2, sharex=True, height_ratios=[3, 2])
     for name, theory in found.theory.items():
@@ -148,7 +149,7 @@ def _theory(found: Comparison, name: str, rows: NDArray[np.intp]) -> Floats:
 
 
 def table(found: Comparison) -> str:
-    """Return the median deviations, a line each."""
+    """Return the median deviations, one a line."""
     lines = [f"rows {found.n[0]} to {found.n[-1]}; median deviation: complex, of the modulus"]
     lines += [f"{name:10s} {whole:.2e} {modulus:.2e}" for name, (whole, modulus) in found.deviations().items()]
     return "\n".join(lines)
@@ -159,4 +160,4 @@ def of_folder(folder: str) -> Comparison:
     return compare(*load_form(folder, "driven"))
 
 
-main = script(__name__, of_folder, table, draw, ("folder", "run of a driven row, with snapshots"))
+main = script(__name__, of_folder, table, draw, ("folder", "run folder of a driven row, with snapshots"))

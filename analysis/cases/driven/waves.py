@@ -1,32 +1,33 @@
-"""A driven row: the waves that it sends into a crystal at rest, with their second harmonic over the distance.
+"""Waves that a driven row sends into a crystal at rest, and their second harmonic over the distance.
 
-Row 0 of a strip along y is moved by force, all its spheres alike and none of them turning (lengths in D0):
+The motion of row 0 of a strip along y is prescribed; its spheres move alike and do not turn (lengths in D0):
 
     L:       p_0 = r(τ) cos(Ωτ − phase),  q_0 = φ_0 = 0
     TR, RT:  q_0 = r(τ) cos(Ωτ − phase),  p_0 = φ_0 = 0,        Ω that of the mode at ξ
 
-r rises once, from 0 to 1. Behind the front, in a strip without end, is a steady state: fields Re[X_n e^{−iΩτ}].
+r rises once, from 0 to 1. In an endless strip the state behind the front is steady: fields Re[X_n e^{−iΩτ}].
 
 **Linear.** X_n = Σ_m X_m e^{iκ_m n} over the waves of frequency Ω that leave the row: group velocity > 0, or Im κ > 0
-(`granular_analysis.theory.transfer`). L is one, e^{iξn}. Of TR and RT there are two at each frequency. One is ±ξ: −ξ
-where Ω falls with ξ, as on all of RT of solid spheres, whose crests run *towards* the row. The other decays within a
-row or two (κ = π + 2.2i for TR of solid spheres); with Ĩ ≥ 1.5 it can run too. What each gets follows from q_0 = 1, φ_0
-= 0.
+(`granular_analysis.theory.transfer`). L has one such wave, e^{iξn}. TR and RT have two at each frequency. One has ±ξ:
+−ξ where Ω falls with ξ, as for all RT waves of solid spheres, whose crests run *towards* the row. The other decays
+within a row or two (κ = π + 2.2i for TR of solid spheres); with Ĩ ≥ 1.5 it can propagate too. q_0 = 1 and φ_0 = 0
+determine the amplitudes of both.
 
-**Second order.** Each pair of waves a, b stretches the bonds between two rows by forces B_ab e^{i(κ_a + κ_b)n}, of
-`granular_analysis.theory.bonds`, and the wave it forces, K = κ_a + κ_b, starts with a free L wave k2 that cancels it at
-row 0, whose motion is pure:
+**Second order.** Each pair of waves a, b makes forces B_ab e^{i(κ_a + κ_b)n} in the bonds between two rows
+(`granular_analysis.theory.bonds`), and so a forced wave with K = κ_a + κ_b. A free L wave with k2 starts with it and
+cancels it at row 0, whose motion has no second harmonic:
 
     P_n = (1 − e^{−iK}) B_ab [e^{iKn} − e^{ik2 n}]/(speed² sin²(K/2) − 4Ω²),    speed sin(k2/2) = 2Ω
 
-Both beat over 2π/|2κ_1 − k2| rows, and P_n grows as n where K = k2 (TR at the resonance). Above the cutoff, 2Ω > speed,
-k2 = π + i·(…) stays at the row and |P_n| soon is constant. The same bonds push steadily too: see `static`.
+The two waves beat over 2π/|2κ_1 − k2| rows, and P_n grows as n if K = k2 (TR at the resonance). Above the cutoff,
+2Ω > speed, the wave with k2 = π + i·(…) stays near row 0, and |P_n| soon is constant. The same bonds also push
+steadily: see `static`.
 
-When it breaks: where |P| or a²n is not small, the latter as the wave number shifts by an amount of order a². Measured
-relative errors fall as a² down to a floor from switching on: the ramp also excites waves at the edges of the bands,
-which have no group velocity and leave slowly. They are linear: the floor does not depend on a, but in the second
-harmonic of L, which they meet in the same component, it rises as 1/a. Where the steady waves themselves are slow it is
-high: at TR's resonance k2 runs 0.05 rows per τ, and 8 rows are within 2.5 % of their steady 2Ω only at τ = 1900.
+When it breaks: if |P| is not small, or a²n, as the wave number shifts by order a². Measured relative errors fall as a²
+down to a floor: the ramp also excites waves at the edges of the bands, which have no group velocity and leave slowly.
+These waves are linear, so the floor does not depend on a; only in the second harmonic of L, which shares their
+component, it rises as 1/a. The floor is high if the steady waves themselves are slow: at TR's resonance k2 runs 0.05
+rows per τ, and 8 rows reach their steady amplitude at 2Ω to 2.5 % only at τ = 1900.
 """
 
 from dataclasses import dataclass
@@ -43,21 +44,21 @@ from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-_NOT_DRIVEN = 1e-12  # share of a wave that the row does not send
+_NOT_DRIVEN = 1e-12  # share below which the row does not excite a wave
 
 
 @dataclass(frozen=True)
 class RowWaves:
-    """The linear waves that a driven row sends out.
+    """Linear waves that a driven row sends out.
 
     Attributes
     ----------
     wavenumbers : (m,) complex
         κ, rad per row.
     shapes : (3, m) complex
-        p, q, φ of each at row 0, together 1 in the driven component.
+        p, q, φ of each wave at row 0; their sum is 1 in the driven component.
     velocities : (m,)
-        Group velocity, rows per τ; 0 of a wave that decays.
+        Group velocities, rows per τ; 0 for a wave that decays.
     """
 
     wavenumbers: Complexes
@@ -66,9 +67,9 @@ class RowWaves:
 
 
 def linear_waves(wave: Wave) -> RowWaves:
-    """Return the one (L; spheres that do not turn) or two waves with which a row answers at the wave's frequency.
+    """Return the waves that a driven row sends out: one for L and for spheres that do not turn, otherwise two.
 
-    Raises ValueError where the mode has no group velocity, as at ξ = π: nothing leaves the row.
+    Raises ValueError if the mode has no group velocity, as at ξ = π: no energy leaves the row.
     """
     mode, crystal = wave.mode, wave.crystal
     # D(κ) = D₀ + D₊e^{iκ} + D₊†e^{−iκ}, from three wave numbers
@@ -80,7 +81,7 @@ def linear_waves(wave: Wave) -> RowWaves:
         factors, shapes, flux = lattice_waves(mass, on_site, ahead, mode.frequency)
     except ValueError:
         raise ValueError(
-            f"{mode.name} at wavenumber = {mode.wavenumber} has no group velocity: nothing leaves the row"
+            f"{mode.name} at wavenumber = {mode.wavenumber} has no group velocity, so no energy leaves the row"
         ) from None
     count = len(mass)
     factors, shapes, flux = factors[:count], shapes[:, :count], flux[:count]
@@ -93,25 +94,25 @@ def linear_waves(wave: Wave) -> RowWaves:
     motion[:count] = shapes[:, sent] * shares[sent]
     p_q_phi = np.stack([motion[1], -motion[0], motion[2]])
     wavenumbers = -1j * np.log(factors[sent])
-    wavenumbers[0] = np.copysign(mode.wavenumber, wavenumbers[0].real)  # the mode itself, to its last digit
+    wavenumbers[0] = np.copysign(mode.wavenumber, wavenumbers[0].real)  # exactly the wave number of the mode
     return RowWaves(wavenumbers, p_q_phi, velocity[sent])
 
 
 def free_wavenumber(frequency: float, contact: Contact) -> complex:
-    """Solve speed·sin(k/2) = Ω for k of the L wave: in (0, π], or π + 2i·arcosh(Ω/speed) above the cutoff."""
+    """Return k of the L wave with speed·sin(k/2) = Ω: in (0, π], or π + 2i·arcosh(Ω/speed) above the cutoff."""
     ratio = frequency / _speed(contact)
     return complex(2 * np.arcsin(ratio)) if ratio <= 1 else complex(np.pi, 2 * np.arccosh(ratio))
 
 
 @lru_cache(maxsize=16)
 def _speed(contact: Contact) -> float:
-    """Return the frequency of L at ξ = π, where it is speed·sin(ξ/2)."""
+    """Return the frequency of L at ξ = π, the "speed" in Ω = speed·sin(ξ/2)."""
     frequencies, shapes = real_modes(wavevector_of(np.pi, 90.0), contact)
     return float(frequencies[np.argmax(np.abs(shapes[:, 1]))])
 
 
 def beat_length(wave: Wave) -> float:
-    """Rows over which the second harmonic rises and falls, 2π/|2κ − k2|: inf on resonance, nan above the cutoff."""
+    """Return the beat length 2π/|2κ − k2| of the second harmonic, rows; inf on resonance, nan above the cutoff."""
     free = free_wavenumber(2 * wave.mode.frequency, wave.contact)
     if free.imag:
         return float("nan")
@@ -120,7 +121,7 @@ def beat_length(wave: Wave) -> float:
 
 
 def slowest(wave: Wave) -> float:
-    """Group velocity, rows per τ, of the slowest wave that carries the steady state: fundamental, or free L at 2Ω."""
+    """Return the lower group velocity of fundamental and free L wave at 2Ω, rows per τ."""
     free = free_wavenumber(2 * wave.mode.frequency, wave.contact)
     velocities = linear_waves(wave).velocities
     own = [] if free.imag else [_speed(wave.contact) * np.cos(free.real / 2) / 2]
@@ -128,11 +129,11 @@ def slowest(wave: Wave) -> float:
 
 
 def driven_amplitudes(wave: Wave, rows: ArrayLike) -> tuple[Complexes, Complexes]:
-    """Complex amplitudes over the rows of the fundamental (p, q, φ), Re[X e^{−iΩτ}], and of p at 2Ω, Re[P e^{−2iΩτ}].
+    """Return the complex amplitudes X of p, q, φ, Re[X e^{−iΩτ}], and P of p at 2Ω, Re[P e^{−2iΩτ}], over the rows.
 
     Parameters
     ----------
-    wave : along y; its frequency, amplitude and phase are those of the row.
+    wave : wave along y; the row has its frequency, amplitude and phase.
     rows : (N,) whole numbers n ≥ 0.
 
     Returns
@@ -142,7 +143,7 @@ def driven_amplitudes(wave: Wave, rows: ArrayLike) -> tuple[Complexes, Complexes
     Raises
     ------
     ValueError
-        For rows that are no such numbers, and what `linear_waves` raises.
+        For rows that are not such numbers, and as `linear_waves` raises it.
 
     Source: Eqs. 8–10 of the paper with the boundary at row 0; not in the paper.
     """
@@ -159,17 +160,17 @@ def driven_amplitudes(wave: Wave, rows: ArrayLike) -> tuple[Complexes, Complexes
 
 
 def static(wave: Wave, rows: ArrayLike) -> Floats:
-    """Mean displacement p (N,) in D0 that the waves leave in the rows they have reached; it grows with the distance.
+    """Return the mean displacement p (N,), in D0, of the rows that the waves have reached; it grows with n.
 
         (c² dp + B)_n = B_∞ v/(c + v),    B_n = Σ_ab B_ab e^{i(κ_a − κ_b*)n},  p_0 = 0,  c = speed/2
 
     Bonds soften when stretched, so the wave pushes the crystal apart. The mean force in the bonds is uniform behind the
-    front, but not zero: the front, which moves at v, pushes a long L wave ahead of itself, and that needs a force. B_∞
-    is B of the waves that run, each with its own v. Rows as in `driven_amplitudes`. Breaks once the second harmonic has
-    grown large anywhere behind the front, as on resonance: that force comes from all the way there.
+    front, but not zero: the front, which moves at v, pushes a long L wave ahead of itself, which needs a force. B_∞ is
+    B of the propagating waves, each with its own v. Rows are as in `driven_amplitudes`. Breaks once the second harmonic
+    has grown large anywhere behind the front, as on resonance, because it contributes to the force.
 
-    Raises ValueError for TR and RT under a shear law with memory: next to the row stretch and slip of a contact are
-    not in phase, ∫x ds gains the area of their ellipse in every period, and p creeps with no steady state.
+    Raises ValueError for TR and RT with a shear law with memory: near the row stretch and slip of a contact are not in
+    phase, ∫x ds grows by the area of their ellipse in each period, and p creeps without a steady state.
     """
     n = _counted(rows)
     if wave.contact.incremental and wave.mode.name != "L":
@@ -186,7 +187,7 @@ def static(wave: Wave, rows: ArrayLike) -> Floats:
 
 
 def _bond_force(wave: Wave, waves: RowWaves, *, difference: bool) -> Complexes:
-    """Return B_ab (m, m) on the spheres of row 0 from the bonds to row 1, over a sphere's mass, in D0."""
+    """Return B_ab (m, m), the force of the bonds to row 1 on a sphere of row 0 over its mass, in D0 per t0²."""
     bonds, frequency = wave.crystal.bonds, wave.mode.frequency
     k = np.multiply.outer(waves.wavenumbers, [*wavevector_of(1.0, 90.0), 0.0])
     p, q, phi = waves.shapes
@@ -203,8 +204,8 @@ def _bond_force(wave: Wave, waves: RowWaves, *, difference: bool) -> Complexes:
 
 
 def _beat(one: complex, other: complex, n: NDArray[np.intp]) -> Complexes:
-    """(e^{ikn} − e^{ik'n})/(e^{ik} − e^{ik'}) of two wave numbers: n e^{ik(n−1)} where they are equal."""
-    # Out of the wave that decays least, so that no exponential overflows
+    """Return (e^{ikn} − e^{ik'n})/(e^{ik} − e^{ik'}) for two wave numbers; n e^{ik(n−1)} if they are equal."""
+    # Factors out the wave that decays least, so that no exponential overflows
     slow, fast = sorted((one, other), key=lambda k: k.imag)
     mismatch = 1j * (fast - slow)
     growth = np.expm1(mismatch * n) / np.expm1(mismatch) if mismatch else n

@@ -1,13 +1,13 @@
-"""The second harmonic under each effect: its amplitude over wave number, from LAMMPS and from theory.
+"""Second harmonic with each effect on or off: its amplitude over wave number, from LAMMPS and from theory.
 
     granular-analysis effects SWEEP... [-o FILE]
 
-Each SWEEP is the folder of a sweep of one scene over the wave number (``granular-lmp sweep``); its runs may lack
-rotation, follow the incremental law, be held by compression or damped, and are named by that. Marks are LAMMPS. Above,
-the amplitude of the generated wave, by least squares, over the closed form (lines), where that holds the physics of
-the runs. In the middle, for damped runs, which have no closed form, and for the first sweep, the root mean square of p
-over the run, which has no fit in it, over the exact lattice. Below, the relative difference of p from that lattice: the
-error of the time step, of second order but for the incremental law and dashpots, where LAMMPS's is of first order.
+Each SWEEP is the folder of a sweep of one scene over the wave number (``granular-lmp sweep``). Its runs may lack
+rotation, use the incremental law, or be held by compression or damped; they are named accordingly. Marks are LAMMPS.
+Top: amplitude of the generated wave, by least squares, and the closed form (lines) if it holds the physics of the runs.
+Middle, for damped runs, which have no closed form, and for the first sweep: root mean square of p over the run, without
+a fit, and the same of the exact lattice (lines). Bottom: relative difference of p from the exact lattice. This is the
+error of the time step, of second order, or of first order with the incremental law and dashpots.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.wave import Wave, generated, nonlinearity
 from granular_lmp.runs.record import Record
 
-# Told apart by marker and dashes without colour.
+# Marker and dashes distinguish the sweeps without colour
 STYLES: tuple[dict[str, Any], ...] = (
     {"color": "black", "marker": "o", "linestyle": "-"},
     {"color": "C3", "marker": "s", "linestyle": "--"},
@@ -40,7 +40,7 @@ STYLES: tuple[dict[str, Any], ...] = (
 
 
 def name(contact: Contact) -> str:
-    """Return the departures of a contact from that of the paper, in words."""
+    """Return the differences of a contact from that of the paper, in words."""
     parts = {
         "without rotation": not contact.rotation,
         "without shear": not contact.shear,
@@ -54,12 +54,12 @@ def name(contact: Contact) -> str:
 
 
 def strength(p: NDArray[np.float64], wave: Wave) -> float:
-    """Root mean square of p, in |ε| D0."""
+    """Return the root mean square of p, in |ε| D0."""
     return float(np.sqrt(np.mean(p**2)) / abs(nonlinearity(wave.contact, wave.amplitude)))
 
 
 def amplitudes(records: Sequence[Record]) -> tuple[list[float], list[float]]:
-    """Wave numbers and amplitudes of the generated wave in |ε| D0, of the runs where it can be measured."""
+    """Return wave numbers and amplitudes of the generated wave, in |ε| D0, of the runs in which it is measurable."""
     found = []
     for record in records:
         with suppress(TheoryError):
@@ -70,13 +70,13 @@ def amplitudes(records: Sequence[Record]) -> tuple[list[float], list[float]]:
 
 
 def curve(wave: Wave) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return `amplitudes` by theory, |P̃1|/2 over the zone, in the physics of one wave."""
+    """Return wave numbers over the zone and amplitudes |P̃1|/2 of theory, with the physics of one wave."""
     xis = np.linspace(0.02, np.pi - 0.02, 1500)
     return xis, np.abs(generated(wave.mode.name, xis, wave.contact) / nonlinearity(wave.contact, 1.0))
 
 
 def deviations(records: Sequence[Record]) -> list[float]:
-    """Return |p − p_lattice|/|p_lattice| over each run, by the exact lattice."""
+    """Return the relative L2 difference |p − p_lattice|/|p_lattice| of each run from the exact lattice."""
     exact = [trajectory("exact-lattice", wave_of(record), record.tau)[0] for record in records]
     return [float(np.linalg.norm(r.p - p) / np.linalg.norm(p)) for r, p in zip(records, exact, strict=True)]
 
@@ -91,7 +91,7 @@ def table(sweeps: Sequence[Sequence[Record]]) -> str:
 
 
 def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
-    """All sweeps in three panels over the wave number."""
+    """Return the figure of all sweeps, three panels over the wave number."""
     figure = page(7.6)
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.5, 1.2))
     for number, (records, style) in enumerate(zip(sweeps, STYLES, strict=False)):
@@ -126,16 +126,16 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
 def measure(folders: Sequence[str]) -> list[list[Record]]:
     """Return the runs of each sweep.
 
-    Raises ValueError for more than can be told apart, and for runs that the exact lattice along y leaves out.
+    Raises ValueError for more sweeps than there are marks, and for runs that the exact lattice along y leaves out.
     """
     if len(folders) > len(STYLES):
-        raise ValueError(f"{len(folders)} sweeps; at most {len(STYLES)} can be told apart")
+        raise ValueError(f"{len(folders)} sweeps; at most {len(STYLES)} fit into one figure")
     sweeps = [sweep(folder) for folder in folders]
     for record in (record for records in sweeps for record in records):
         if left_out := missing("exact-lattice", traits_of(record)):
             raise ValueError(f"{record.folder}: the exact lattice leaves out {', '.join(left_out)}")
         if OBLIQUE in traits_of(record):
-            raise ValueError(f"{record.folder}: its wave is not along y, as those drawn are")
+            raise ValueError(f"{record.folder}: the wave must run along y")
     return sweeps
 
 

@@ -2,9 +2,9 @@
 
     granular-analysis figure2 [-o figures/figure2.png] [--poisson-ratio 0.17]
 
-(a) L, TR and RT; the TR branch doubled in wave number and frequency meets L at the resonance; the curve on which the
-source of the second harmonic vanishes meets TR at the antiresonance. (b, c) Amplitude |P̃1|/2 per ε of the longitudinal
-second harmonic, in the convention of real fields (½ of the paper's complex one, without its factor 4/3), with |Q| and
+(a) Branches L, TR and RT. The TR branch, doubled in wave number and frequency, meets L at the resonance. The curve on
+which the source of the second harmonic vanishes meets TR at the antiresonance. (b, c) Amplitude |P̃1|/2 per ε of the
+longitudinal second harmonic, for real fields (½ of the paper's complex amplitude, without its factor 4/3), with |Q| and
 |f| of the fundamental.
 """
 
@@ -27,7 +27,7 @@ from granular_analysis.second_harmonic import (
 )
 
 WAVENUMBERS = np.linspace(1e-3, np.pi, 1201)
-PAPER = (0.802, 1.475, 2.127)  # rad per row, of the paper's three runs
+PAPER = (0.802, 1.475, 2.127)  # wave numbers of the paper's three runs, rad per row
 
 
 def draw(constants: Ratios) -> Figure:
@@ -46,7 +46,7 @@ def draw(constants: Ratios) -> Figure:
 
 
 def table(constants: Ratios) -> str:
-    """Return where the second harmonic of TR is resonant and where it vanishes, and its amplitude at the paper's ξ."""
+    """Return resonance and antiresonance of TR, and the amplitude of its second harmonic at the paper's ξ."""
     vanishing = antiresonance(constants)
     lines = [f"resonance {resonance(constants):.5f}", f"antiresonance {vanishing:.5f}" if vanishing else ""]
     waves = [mode("TR", xi, constants) for xi in PAPER]

@@ -2,12 +2,12 @@
 
     granular-analysis figure3 RUN... [-o figures/figure3.png]
 
-First row: transverse displacement q and rotation φ. Second row: what the paper's order leaves of them, which at the
-resonance holds a third harmonic and what the fundamental gives away. Third row: the longitudinal displacement p that
-the shear wave makes. Fourth row: how far two theories are from the p of the run, which the curves above do not show.
-Three curves each: the run; the paper's order of theory, with its misprints corrected and LAMMPS's contact geometry; the
-best theory of this folder for the wave, whose name is in the title. The numbers are relative L2 errors of the two
-against the run.
+First row: transverse displacement q and rotation φ. Second row: their differences from the paper's order of theory; at
+the resonance these contain a third harmonic and the loss of the fundamental. Third row: the longitudinal displacement p
+that the shear wave generates. Fourth row: differences of two theories from the p of the run, which the curves above do
+not resolve. There are three curves: the run; the paper's order of theory, with its misprints corrected and LAMMPS's
+contact geometry; and the best theory for the wave, whose name is in the title. The numbers in the titles are relative
+L2 errors of the two theories against the run.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ ROWS = 4
 
 
 def draw(records: list[Record]) -> Figure:
-    """One column a run."""
+    """Return the figure, with a column for each run."""
     count = len(records)
     figure = page(7.8)
     panels = figure.subplots(ROWS, count, sharex="col", squeeze=False, height_ratios=[3, 2, 3, 2])
@@ -63,7 +63,7 @@ def _column(panels: list[Axes], record: Record, letters: list[str]) -> None:
     ):
         for axes, values, shown in ((upper, q, label), (upper, phi, None), (middle, p, label)):
             axes.plot(record.tau, values, color=colour, linestyle=dashes, linewidth=0.8, label=shown)
-        # The first record is the start, which every theory shares
+        # The first record is the start, at which all theories agree
         lower.semilogy(record.tau[1:], np.abs(record.p - p)[1:], color=colour, linestyle=dashes, linewidth=0.8)
         for component, error in errors(record, (p, q, phi)).items():
             titles[component].append("0" if error is None else f"{error:.1e}")
@@ -99,10 +99,10 @@ def table(records: Sequence[Record]) -> str:
 
 
 def measure(records: list[Record]) -> list[Record]:
-    """Return the runs; ValueError for more than have letters."""
+    """Return the runs; raise ValueError for more runs than there are letters for panels."""
     if ROWS * len(records) > len(ascii_lowercase):
         raise ValueError(f"{len(records)} runs: at most {len(ascii_lowercase) // ROWS} fit into one figure")
     return records
 
 
-main = script(__name__, measure, table, draw, ("runs", "one a column"))
+main = script(__name__, measure, table, draw, ("runs", "run folders, one a column"))

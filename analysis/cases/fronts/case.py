@@ -1,11 +1,11 @@
-"""The front of an impact on a hexagonal sheet: its height and its speed over the distance, in four directions.
+"""Front of an impact on a hexagonal sheet: height and speed over distance, in four directions.
 
     granular-analysis fronts RUN [RUN ...] [-o FILE]
 
-RUN is a run folder of an impact with one striking sphere on the edge of a sheet that records all spheres, or those of
-the directions 0, 30, 60 and 90 degrees from the edge. The decay β of height ∝ distance^−β is printed, and
-the speed V over height^{1/5} at the near and at the far end, from ten diameters to where the record ends, or an echo of
-the far end or of the nearer side comes.
+RUN is a run folder of an impact by one sphere on the edge of a sheet. It must record all spheres, or those in the
+directions 0, 30, 60 and 90 degrees from the edge. The table has the decay β in height ∝ distance^−β, and the speed V
+over height^{1/5} at the near and at the far end. Fits start at ten diameters, and end with the record or where an echo
+of the far end or of the nearer side arrives.
 """
 
 from collections.abc import Sequence
@@ -22,17 +22,18 @@ from granular_analysis.plotting import letter, page
 from granular_lmp.runs.record import Record
 
 DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
-NEAREST, FARTHEST = 10.0, 0.6  # distances of neighbours; share of the rows, so that no echo is in the fit
-ASIDE = 0.85  # share of the way to the nearer side: the head of the front, 3 distances, has no echo at its crest there
-FEWEST = 4  # spheres of a fit
+NEAREST, FARTHEST = 10.0, 0.6  # range of a fit: from this many diameters to this share of the rows, before an echo
+ASIDE = 0.85  # share of the way to the nearer side up to which no echo reaches the crest of a front, 3 diameters long
+FEWEST = 4  # least spheres of a fit
 CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (cases.solitary.travelling)
 _STYLES = {0: "o", 30: "s", 60: "^", 90: "D"}
 
 
 def fronts(record: Record) -> dict[int, Front]:
-    """Return direction → front, distances in diameters.
+    """Return the front in each direction, with distances in diameters.
 
-    Raises ValueError if not one sphere strikes, or a direction has fewer than `FEWEST` recorded spheres to be fitted.
+    Raises ValueError unless exactly one sphere strikes, and each direction has at least `FEWEST` recorded spheres to
+    fit.
     """
     require(record, "effects.friction", "effects.restitution", "disorder", "inclusion")
     sites, scene = Sites.of(record.scene), record.scene
@@ -50,14 +51,14 @@ def fronts(record: Record) -> dict[int, Front]:
         if len(part.distance) < FEWEST:
             raise ValueError(
                 f"{record.scene.name}: {len(part.distance)} recorded spheres at {degrees} degrees that the front has "
-                f"passed; must be at least {FEWEST} from {NEAREST:g} distances on: a larger sheet, or a longer run"
+                f"passed; must be at least {FEWEST} beyond {NEAREST:g} diameters: use a larger sheet or a longer run"
             )
         found[degrees] = part
     return found
 
 
 def draw(runs: dict[str, dict[int, Front]]) -> Figure:
-    """Return the panels: height and scaled speed over distance; a colour for each run, a mark for each direction."""
+    """Return the figure: height and scaled speed over distance; a colour for each run, a mark for each direction."""
     figure = page(3.6)
     heights, speeds = figure.subplots(1, 2)
     for number, (name, each) in enumerate(runs.items()):
@@ -76,7 +77,7 @@ def draw(runs: dict[str, dict[int, Front]]) -> Figure:
 
 
 def table(runs: dict[str, dict[int, Front]]) -> str:
-    """Return a line for each run and direction: decay, scaled speed at both ends, place and height of the last."""
+    """Return a line for each run and direction: decay, scaled speed at both ends, distance and height of the last."""
     lines = [f"{'run':16}{'degrees':>8}{'decay':>8}{'V/h^1/5':>9}{'there':>8}{'to':>7}{'height':>9}"]
     for name, each in runs.items():
         for degrees, found in each.items():

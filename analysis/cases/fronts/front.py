@@ -1,6 +1,6 @@
-"""The front of an impact in a sheet: when it passes a sphere, how high it is there, and how it decays with distance.
+"""Front of an impact in a sheet: its arrival and height at each sphere, and its decay with distance.
 
-The front is the first crest of a sphere's speed. What follows it, from reflections inside the lattice, may be higher.
+The front is the first crest of a sphere's speed. Later crests, from reflections inside the lattice, may be higher.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from granular_analysis.measure.arrivals import crest
 from granular_analysis.measure.norms import slope
 
 Floats = NDArray[np.float64]
-SAME_LINE = 1e-6  # diameters: a sphere is on a line, or at a distance, up to this; rounding is far below
+SAME_LINE = 1e-6  # diameters by which a sphere may be off a line or a distance; rounding is far smaller
 
 
 class Front(NamedTuple):
@@ -23,7 +23,7 @@ class Front(NamedTuple):
     height: Floats
 
     def between(self, least: float, most: float) -> "Front":
-        """Return the front beyond a distance and up to another, to rounding."""
+        """Return the part of the front beyond one distance and up to another, within rounding."""
         inside = (self.distance > least + SAME_LINE) & (self.distance <= most + SAME_LINE)
         return Front(self.distance[inside], self.time[inside], self.height[inside])
 
@@ -34,9 +34,9 @@ class Front(NamedTuple):
 
     @property
     def scaled_speed(self) -> Floats:
-        """Return V/height^{1/5} between two neighbours each, (k − 1,), with their mean height.
+        """Return V/height^{1/5} between successive spheres, (k − 1,), with their mean height.
 
-        In the units of an impact, distances in diameters, it is 0.907470 for the solitary wave of a chain.
+        In the units of an impact, and distances in diameters, the solitary wave of a chain has 0.907470.
         """
         speed = np.diff(self.distance) / np.diff(self.time)
         return np.asarray(speed / np.sqrt(self.height[1:] * self.height[:-1]) ** 0.2)
@@ -47,10 +47,10 @@ def front(times: ArrayLike, velocity: Floats, places: Floats, degrees: float) ->
 
     Parameters
     ----------
-    times : (T,) evenly spaced.
+    times : (T,) equally spaced.
     velocity : (T, n, 2).
-    places : (n, 2) of the spheres from the striker, in the unit of the distances.
-    degrees : direction from x towards y; spheres whose centres lie on it count, and those without a crest do not.
+    places : (n, 2) places of the spheres, relative to the striker, in the unit of the distances.
+    degrees : direction from x towards y. Spheres whose centres lie on it and whose speed has a crest are used.
 
     Raises ValueError if there is no such sphere.
     """

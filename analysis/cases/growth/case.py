@@ -1,15 +1,15 @@
-"""Second harmonics that grow on a resonance, in LAMMPS beside the theory: layers, and waves along a row of contacts.
+"""Growth of second harmonics on a resonance, in LAMMPS and in theory: layers, and waves along a row of contacts.
 
     granular-analysis case growth
     granular-analysis growth RUN... [-o FILE]
 
-Each run has a partner of the opposite phase, and snapshots. Half the sum of the two is of second order. Its part at 2k
-is projected on the branch that resonates there, B(τ), and fitted by what theory says that it holds: a part that grows
-as the detuning δ lets it, ∫₀^τ e^{iδs} ds, and waves of constant amplitude, at each sum of the frequencies of the waves
-that start and at that of the branch. So the growth in a period is a number that LAMMPS gives, from its own amplitude of
-the wave. The table has it beside that of the theory, in the amplitude D0 of the wave per a = D0/Δ0.
+Each run has snapshots, and a partner of the opposite phase. Half the sum of the two is of second order. Its part at 2k
+is projected on the resonant branch, B(τ), and fitted with the functions of theory: a part that grows with the detuning
+δ as ∫₀^τ e^{iδs} ds, and waves of constant amplitude, at each sum of two frequencies of the waves at the start and at
+the frequency of the branch. So LAMMPS gives a growth in a period, relative to the amplitude of its own wave. The table
+compares it with theory, in units of the amplitude D0 of the wave per a = D0/Δ0.
 
-The figure has the layers, rows of two densities in turn: the growth over the density, whose largest value is that of
+The figure is for layers, rows of two alternating densities: growth over the density, whose maximum is the result of
 ``granular-analysis design``.
 """
 
@@ -40,13 +40,13 @@ UNIFORM = 0.0316  # growth of the second harmonic at the resonance of the unifor
 
 @dataclass(frozen=True, eq=False)
 class Growing:
-    """A resonance of a scene's crystal next to its wave.
+    """The resonance of a scene's crystal next to the wave of the scene.
 
     Attributes
     ----------
     setting : the crystal and the wave.
-    branch, target : that resonate.
-    near : wave number of the resonance.
+    branch, target : branch of the wave, and branch of the second harmonic, counted from 0.
+    near : wave number of the resonance, rad per row.
     """
 
     setting: Setting
@@ -56,7 +56,7 @@ class Growing:
 
     @classmethod
     def of(cls, scene: Scene) -> "Growing":
-        """Return the resonance that grows, next to the wave number of a scene; ValueError if there is none."""
+        """Return the growing resonance next to the wave number of a scene; raise ValueError if there is none."""
         setting = Setting(scene)
         unit = np.linalg.norm(setting.spot().unit)
         found = [each for each in matches(setting.crystal(), setting.spot().unit) if each.rate > 0]
@@ -72,7 +72,7 @@ class Growing:
         return at.growth(self.branch, self.target).value
 
     def over(self, densities: Floats) -> Floats:
-        """Return the growth on the resonance with other densities of the first inclusion, in steps from its own."""
+        """Return the growth at the resonance for other densities of the first inclusion, followed from its own."""
         scene = self.setting.scene
 
         def place(values: NDArray[Any]) -> Spot:
@@ -90,7 +90,7 @@ class Growing:
 
 
 def measured(growing: Growing, records: Sequence[Record]) -> float:
-    """Return the growth in a period per a that two runs have, whose phases are π apart."""
+    """Return the growth in a period per a in two runs whose phases differ by π."""
     setting = growing.setting
     scene, (crystal, waves) = setting.scene, setting.start()
     k = np.append(setting.wavevector(), 0.0)
@@ -118,9 +118,9 @@ def moving(dual: Complexes) -> Complexes:
 
 
 def bloch(crystal: Crystal, rest: Floats, motion: Floats, k: Floats) -> Complexes:
-    """Return X (T, 3B) of the part Re[X e^{ik·r}] of the motion of each sphere of a cell.
+    """Return X (T, 3B), the amplitudes of the part Re[X e^{ik·r}] of the motion, for each of the B spheres of a cell.
 
-    rest : (N, 2) places from a sphere that is the first of its cell
+    rest : (N, 2) places, relative to a sphere that is the first of its cell.
     """
     apart = rest[:, None] - crystal.position[None, :, :2]
     cells = apart @ np.linalg.pinv(crystal.vectors[:, :2])
@@ -130,7 +130,7 @@ def bloch(crystal: Crystal, rest: Floats, motion: Floats, k: Floats) -> Complexe
 
 
 def sums(waves: Sequence[Wave], unit: float, frequency: float, natural: float) -> list[float]:
-    """Return the frequencies of waves of constant amplitude at 2k: sums of those that start, and of the branch."""
+    """Return the frequencies of the waves of constant amplitude at 2k: sums of two at the start, and the branch's."""
     pairs = combinations_with_replacement([float(each.frequency) * unit for each in waves], 2)
     others = [one + other for one, other in pairs if abs(one + other - 2 * frequency) > 1e-6]
     return [*others, natural, -natural]
@@ -139,7 +139,7 @@ def sums(waves: Sequence[Wave], unit: float, frequency: float, natural: float) -
 def fitted(
     tau: Floats, values: Complexes, constant: Sequence[float], detuning: float = 0.0, natural: float | None = None
 ) -> Complexes:
-    """Return the amplitudes of waves e^{−iωτ}, and behind them of one that grows: e^{−iωτ} ∫₀^τ e^{iδs} ds."""
+    """Return the amplitudes of waves e^{−iωτ}, followed by that of a growing wave e^{−iωτ} ∫₀^τ e^{iδs} ds."""
     basis = [np.exp(-1j * rate * tau) for rate in constant]
     if natural is not None:
         turned = np.exp(0.5j * detuning * tau) * np.sinc(detuning * tau / (2 * np.pi))
@@ -148,7 +148,7 @@ def fitted(
 
 
 def pairs(records: Sequence[Record]) -> list[tuple[Record, Record]]:
-    """Return the runs of opposite phases, that with the smaller one first; ValueError for a run without a partner."""
+    """Return the pairs of runs of opposite phases, the smaller phase first; ValueError for a run without a partner."""
     alike: dict[str, list[Record]] = {}
     for record in records:
         alike.setdefault(repr(all_but(record, "wave.phase", "name")), []).append(record)
@@ -165,7 +165,7 @@ def pairs(records: Sequence[Record]) -> list[tuple[Record, Record]]:
 
 
 def table(found: Sequence[tuple[Growing, float]]) -> str:
-    """Return the growth of each resonance, by the theory and by LAMMPS."""
+    """Return the growth of each resonance in theory and in LAMMPS."""
     lines = [f"{'density':>8}{'degrees':>8} {'branches':10}{'resonance':>11}{'run at':>11}{'theory':>9}{'LAMMPS':>9}"]
     for each, growth in found:
         scene = each.setting.scene
@@ -178,7 +178,7 @@ def table(found: Sequence[tuple[Growing, float]]) -> str:
 
 
 def draw(found: Sequence[tuple[Growing, float]]) -> Figure:
-    """Return the figure of the layers: growth over density, by the theory and by LAMMPS."""
+    """Return the figure for layers: growth over density in theory and in LAMMPS."""
     figure = page(3.8)
     axes = figure.subplots()
     layers = [(each, growth) for each, growth in found if each.setting.scene.inclusion]
@@ -196,9 +196,9 @@ def draw(found: Sequence[tuple[Growing, float]]) -> Figure:
 
 
 def measure(records: Sequence[Record]) -> list[tuple[Growing, float]]:
-    """Return the resonance of each pair of runs, and how fast it grows in them."""
+    """Return the resonance of each pair of runs, and its growth in the runs."""
     found = [(Growing.of(one.scene), (one, other)) for one, other in pairs(records)]
     return [(growing, measured(growing, both)) for growing, both in found]
 
 
-main = script(__name__, measure, table, draw, ("runs", "of opposite phases, with snapshots"))
+main = script(__name__, measure, table, draw, ("runs", "runs of opposite phases, with snapshots"))

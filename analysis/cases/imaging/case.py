@@ -1,10 +1,10 @@
-"""Images of a sheet with three flaws by records at its rim: what is resolved, and with which errors.
+"""Images of a sheet with three flaws from records at its rim: resolution and errors.
 
     granular-analysis imaging RUN RUN [-o FILE]
 
-The runs are LAMMPS's of `flaws.toml`, with stiffnesses as they are thought to be and with a spread of 1 % that the
-images do not know. Noise is added to their records; images start from `sheet.toml`, which has no flaw and another time
-step. A flaw is missed by contacts that are farther than `FAR` from it.
+The runs are LAMMPS's of `flaws.toml`, one with the assumed stiffnesses and one with a spread of 1 % that the images do
+not know. Noise is added to the records. Images start from `sheet.toml`, which has no flaws and another time step.
+Contacts farther than `FAR` from all flaws count as sound.
 """
 
 from collections.abc import Sequence
@@ -25,10 +25,10 @@ from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 HERE = Path(__file__).parent
-FAR = 2.5  # spheres
-ALARM = 0.1  # difference from 1
-SEEN = 0.1  # share of a point in its place
-# Which run, monitors, noise and penalty
+FAR = 2.5  # spheres from a flaw beyond which contacts are sound
+ALARM = 0.1  # difference from 1 of a sound contact that counts as a false alarm
+SEEN = 0.1  # a contact is resolved if the image of a change of it alone has this share in its own place
+# Index of the run, number of monitors, noise and penalty of each image
 TRIALS = (
     (0, 24, 0.01, "tikhonov"),
     (0, 24, 0.05, "tikhonov"),
@@ -41,7 +41,7 @@ TRIALS = (
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An image, beside the true factor of each contact (P,) and which contacts are near flaws."""
+    """An image, with the true factor of each contact (P,), and whether the contact is near a flaw."""
 
     name: str
     sought: Sought
@@ -51,13 +51,13 @@ class Found:
 
     @property
     def title(self) -> str:
-        """Return what its panel is called."""
+        """Return the title of its panel."""
         monitors, noise, penalty, *spread = self.name.split(", ")
         words = [f"{monitors}, {noise}", *(["variation"] if penalty == "tv" else []), *spread]
         return ", ".join(words)
 
     def line(self) -> str:
-        """Return the means over the patch, the line and the hole, and what is elsewhere."""
+        """Return its line of the table: means over patch, line and hole; false alarms; resolution; χ²."""
         values, truth = self.image.values, self.truth
         resolved, _ = self.image.resolution()
         seen = np.diag(resolved) > SEEN
@@ -72,7 +72,7 @@ class Found:
 
 
 def flaws(sought: Sought, scene: Scene) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the true factors of the contacts of the sheet, 0 at the missing sphere, and which are near a flaw."""
+    """Return the true factors of the contacts, 0 at the missing sphere, and whether each contact is near a flaw."""
     row, column = sought.sites
     place = sought.first.network.position / (2 * sought.first.radius)
     patch, line, hole = scene.inclusion
@@ -94,7 +94,7 @@ def flaws(sought: Sought, scene: Scene) -> tuple[Floats, NDArray[np.bool_]]:
 
 
 def imaged(record: Record, monitors: int, noise: float, penalty: str) -> Found:
-    """Return the image by some of the monitors, with noise."""
+    """Return the image from some of the monitors, with noise."""
     traces = Traces.of_run(record)
     every = len(traces.row) // monitors
     motion = {name: each[:, ::every] for name, each in traces.motion.items()}
@@ -121,7 +121,7 @@ def table(found: Sequence[Found]) -> str:
 
 
 def draw(found: Sequence[Found]) -> Figure:
-    """Return the flaws and the images beside them, on one scale of colours."""
+    """Return the figure: true factors and images on one colour scale, and the widths of images of single contacts."""
     figure = page(6.6)
     panels = figure.subplots(3, 3).ravel()
     panels[-1].set_axis_off()
@@ -144,4 +144,4 @@ def draw(found: Sequence[Found]) -> Figure:
     return figure
 
 
-main = script(__name__, measure, table, draw, ("runs", "of flaws.toml, without and with a spread"))
+main = script(__name__, measure, table, draw, ("runs", "runs of flaws.toml, without and with a spread"))

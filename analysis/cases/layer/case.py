@@ -2,8 +2,8 @@
 
     granular-analysis layer SWEEP [-o FILE]
 
-SWEEP is one over branches and wave numbers of a layer along y. The table has the frequency of each run beside the
-theory's, without what its time step adds to it.
+SWEEP is a sweep over branches and wave numbers of a layer, along y. The table compares the frequency of each run,
+corrected for its time step, with theory.
 """
 
 from collections.abc import Sequence
@@ -21,17 +21,17 @@ from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record
 
 MEGAHERTZ = 2e6 * np.pi
-# Colours that differ in lightness too, for eyes that hardly tell red from green
+# Colours that also differ in lightness, for readers who do not distinguish red and green
 MOTIONS = {"up and down": (0.90, 0.62, 0.0), "in the plane": (0.0, 0.62, 0.45), "turning": (0.34, 0.20, 0.60)}
-AROUND = 0.02  # a frequency is looked for within this share of it
+AROUND = 0.02  # relative range around the expected frequency in which the frequency of a run is sought
 POINTS = 120
 Measured = tuple[Sequence[Record], Sequence[tuple[float, float]]]  # frequencies by theory, by the run
 
 
 def frequency(record: Record, near: float) -> float:
-    """Return the frequency of a run next to another one, rad/s, without what its time step adds.
+    """Return the frequency of a run near an expected one, rad/s, corrected for the time step.
 
-    Of the step h, velocity Verlet makes (2/h) arcsin(ωh/2) of ω.
+    With a step h velocity Verlet has the frequency (2/h) arcsin(ωh/2) in place of ω.
     """
     scale, step = record.scene.sphere.time_scale, record.scene.time.step
     moved = max((record.signals[name] for name in ("ux", "uy", "uz", "phix", "phiy", "phiz")), key=np.ptp)
@@ -46,7 +46,7 @@ def frequency(record: Record, near: float) -> float:
 
 
 def closed(crystal: Crystal) -> Layer:
-    """Return the closed form of a layer with one sphere a cell."""
+    """Return the closed form for a layer with one sphere in a cell."""
     bonds = crystal.bonds
     pairs, law = bonds.second >= 0, bonds.law
     stiffness = law.stiffness[pairs][0], law.shear[pairs][0], law.stiffness[~pairs][0], law.shear[~pairs][0]
@@ -54,14 +54,14 @@ def closed(crystal: Crystal) -> Layer:
 
 
 def frequencies(records: Sequence[Record]) -> Measured:
-    """Return runs, and the frequency of each by theory and by itself, rad/s."""
+    """Return the runs, and for each its frequency in theory and in LAMMPS, rad/s."""
     theory = [float(Setting(record.scene).mode().frequency) for record in records]
     return records, [(each, frequency(record, each)) for record, each in zip(records, theory, strict=True)]
 
 
 def table(found: Measured) -> str:
-    """Return the frequency of each run beside the theory's, and what the closed form says."""
-    lines, worst = [f"{'branch':>6}{'xi':>10}{'theory, MHz':>14}{'LAMMPS, MHz':>14}{'share':>11}"], 0.0
+    """Return the frequencies of each run and of theory, the deviation of the closed form, and its values at k = 0."""
+    lines, worst = [f"{'branch':>6}{'xi':>10}{'theory, MHz':>14}{'LAMMPS, MHz':>14}{'deviation':>11}"], 0.0
     for record, (theory, measured) in zip(*found, strict=True):
         share = measured / theory - 1
         worst = max(worst, abs(share))
@@ -73,13 +73,13 @@ def table(found: Measured) -> str:
     both = np.sort(np.concatenate(closed(crystal).frequencies(k), axis=-1), axis=-1)
     apart = np.abs(both / crystal.modes(k).frequencies - 1).max()
     at_rest = np.array([vertical.vertical, *vertical.rocking, vertical.torsion]) / MEGAHERTZ
-    lines.append(f"largest share of a run {worst:.1e}; of the closed form {apart:.2e}")
+    lines.append(f"largest deviation of a run {worst:.1e}; of the closed form {apart:.2e}")
     lines.append("at k = 0: vertical {:.2f} MHz, rocking {:.2f} and {:.2f}, torsion {:.2f}".format(*at_rest))
     return "\n".join(lines)
 
 
 def draw(found: Measured) -> Figure:
-    """Return the figure: branches in the colour of their motion, runs as circles."""
+    """Return the figure: branches, coloured by their motion, and runs as circles."""
     records, measured = found
     setting = Setting(records[0].scene)
     crystal, along = setting.crystal(), setting.wavevector(1.0)
@@ -102,4 +102,4 @@ def draw(found: Measured) -> Figure:
     return figure
 
 
-main = script(__name__, frequencies, table, draw, ("sweeps", "a sweep over branches and wave numbers of a layer"))
+main = script(__name__, frequencies, table, draw, ("sweeps", "sweep over branches and wave numbers of a layer"))

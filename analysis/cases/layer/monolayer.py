@@ -1,4 +1,4 @@
-"""One layer of equal spheres on a rigid substrate, in closed form: its six branches, and the load that buckles it.
+"""Closed form for one layer of equal spheres on a rigid substrate: its six branches, and its buckling load.
 
 A sphere of mass m touches c neighbours (normal stiffness G_N, shear stiffness G_S) and the substrate (K_N, K_S). It
 moves by u and turns by φ = Rθ. At k = 0, with g = G_S/K_S,
@@ -10,12 +10,13 @@ moves by u and turns by φ = Rθ. At k = 0, with g = G_S/K_S,
 On a mirror line of the layer, with e along k and p = z × e, three branches are *sagittal* (u_e, u_z, φ_p) and three
 *shear-horizontal* (u_p, φ_e, φ_z).
 
-These formulas leave out that the torque of two spheres has the arm R − δ/2, a share η/2 of frequencies, η = δ/2R, and
-that contacts which push turn with their spheres. `granular_analysis.theory.crystal` has both.
+These formulas leave out two effects that `granular_analysis.theory.crystal` includes: the arm R − δ/2 of the torque
+between two spheres, which changes frequencies by η/2 with η = δ/2R, and the rotation of compressed contacts with their
+spheres.
 
-**Buckling.** Contacts of the length ℓ that push with f press a sphere out of the layer, by f/ℓ on each difference of
-heights. Where nothing resists shear K_N alone holds it, and a chain buckles at f = ℓK_N/4, a square layer at ℓK_N/8, a
-hexagonal one at ℓK_N/9. Shear stiffness helps by the slip that no rolling takes back.
+**Buckling.** Contacts of length ℓ with a repulsive force f press a sphere out of the layer, with the force f/ℓ per
+difference of heights. Without shear stiffness only K_N holds the sphere: a chain buckles at f = ℓK_N/4, a square layer
+at ℓK_N/8, a hexagonal one at ℓK_N/9. Shear stiffness helps against the slip that rolling does not cancel.
 """
 
 from typing import NamedTuple
@@ -28,7 +29,7 @@ INERTIA = 0.4  # I/mR² of a solid sphere
 
 
 class Resonances(NamedTuple):
-    """Frequencies ω at k = 0; both rocking ones belong to two modes."""
+    """Frequencies ω at k = 0; each of the two rocking frequencies belongs to two modes."""
 
     vertical: float
     rocking: tuple[float, float]
@@ -40,10 +41,10 @@ class Layer(NamedTuple):
 
     Attributes
     ----------
-    bonds : (c/2, 2) from a sphere to half of its neighbours, the others lie opposite.
-    mass : of a sphere.
-    normal, shear : G_N and G_S of two spheres.
-    substrate_normal, substrate_shear : K_N and K_S of a sphere and the substrate.
+    bonds : (c/2, 2) vectors from a sphere to half of its neighbours; the others lie opposite.
+    mass : mass of a sphere.
+    normal, shear : G_N and G_S between two spheres.
+    substrate_normal, substrate_shear : K_N and K_S between a sphere and the substrate.
     """
 
     bonds: Floats
@@ -60,7 +61,7 @@ class Layer(NamedTuple):
         total = 7 * substrate + 5 * neighbours * shear
         root = np.sqrt(total**2 - 40 * neighbours * shear * substrate)
         upper = (total + root) / (4 * self.mass)
-        # The product of both is known without the difference that the formula takes
+        # From the product of both roots, as the difference in the formula would lose digits
         lower = 2.5 * neighbours * shear * substrate / self.mass**2 / upper
         return Resonances(
             vertical=float(np.sqrt(self.substrate_normal / self.mass)),
@@ -109,13 +110,13 @@ class Layer(NamedTuple):
         return _Waves(bent, even, 2 * np.sin(phase), along @ normal.T, across @ normal.T)
 
     def buckling_load(self, wavevector: ArrayLike) -> Floats:
-        """Return the push f (...) of each contact at which a sagittal wave (..., 2) has the frequency 0, inf if none.
+        """Return the repulsive force f (...) of each contact at which a sagittal wave (..., 2) has the frequency 0.
 
-        The distance ℓ of the spheres is that of `bonds`. To the leading order in u_z: a push of ℓG_N or more, which
-        would buckle the layer within its plane, is not held.
+        It is inf if there is none. The distance ℓ of the spheres is the length of `bonds`. To leading order in u_z: a
+        force of ℓG_N or more, which would buckle the layer within its plane, is left out.
         """
         waves, matrix = self._waves(wavevector), self.sagittal(wavevector)
-        # u_e and φ_p follow a static u_z, if there is something to roll on
+        # u_e and φ_p follow a static u_z if shear stiffness couples them
         coupled = matrix[..., 0, 0] * matrix[..., 1, 2] ** 2
         inner = matrix[..., 0, 0] * matrix[..., 2, 2] - matrix[..., 0, 2] ** 2
         follows = np.divide(coupled, inner, out=np.zeros_like(inner), where=coupled > 0)

@@ -1,23 +1,22 @@
-"""Map the second harmonic over the Brillouin zone: which wave, sent in which direction, doubles its frequency best.
+"""Map of the second harmonic over the Brillouin zone: its amplitude for each branch and wave vector of the fundamental.
 
     granular-analysis map [-o FILE] [--poisson-ratio NU]
 
-One panel per branch of the fundamental, in ascending frequency. Colour: the forced amplitude (|u|² + |v|² + |φ|²)^½
-of the second harmonic, per unit ε D0 and for a fundamental of unit amplitude (complex fields; a real wave raises half
-of it). Lines: the resonances, where 2Ω(k) is the frequency of a branch at 2k.
+Each panel is for a branch of the fundamental, in ascending frequency. Colour is the forced amplitude (|u|² + |v|² +
+|φ|²)^½ of the second harmonic, per unit ε D0 and for a fundamental of unit amplitude (complex fields; a real wave
+generates half of it). Lines are the resonances, where 2Ω(k) is the frequency of a branch at 2k.
 
-How to read it. On a resonance the forced amplitude has no bound: there the second harmonic grows with time until it
-is as large as the fundamental (second order holds until then). It also diverges at Γ, for the acoustic
-branches, which have no dispersion there. Where a resonance line crosses Γ–M or Γ–K the target may have the wrong
-parity, and nothing resonates. A weakly coupled resonance shows as its line alone (middle branch with upper, ν = 0.17:
-its share of the amplitude passes 1 only within 0.01/a of the line). At K the middle and the upper branch touch: next
-to it their colours depend on the side.
+How to read it. On a resonance the forced amplitude is unbounded: the second harmonic grows with time until it is as
+large as the fundamental, up to which second order holds. The amplitude also diverges at Γ for the acoustic branches,
+which have no dispersion there. Where a resonance line crosses Γ–M or Γ–K, the target may have the wrong parity, and
+does not resonate. A weakly coupled resonance is visible as its line only (middle branch with upper, ν = 0.17: its share
+of the amplitude exceeds 1 only within 0.01/a of the line). At K the middle and the upper branch touch, and colours near
+K depend on the side.
 
-The lattice is the paper's, points of contact without compression; left out are dashpots, and the shear law is the
-secant one.
+The lattice is the paper's, with Δ0/R → 0 and without compression, with the secant shear law and without dashpots.
 
-The titles give the names of the paper's modes on Γ–M, waves along y. Elsewhere a branch moves in u, v and φ, and only
-its frequency names it.
+The titles give the names of the paper's modes on Γ–M, for waves along y. Elsewhere a branch moves in u, v and φ, and
+only its frequency identifies it.
 """
 
 from typing import Final
@@ -38,7 +37,7 @@ from granular_analysis.theory.second_order import Mixed, branch_of
 from granular_analysis.theory.wave import nonlinearity
 
 POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points
-COLOURS = (1e-3, 1e1)  # values past them lie at resonances, at Γ and at zeros
+COLOURS = (1e-3, 1e1)  # range of the colours; values outside lie at resonances, at Γ and at zeros
 BRANCHES = ("lower", "middle", "upper")
 STYLES: Final = (":", "-", "--")  # lines of the resonances with the lower, middle, upper branch
 CORNER = 4.0 * np.pi / 3.0  # |ΓK| for a close-packed row along x, in 1/lattice constant
@@ -53,13 +52,13 @@ def wave_vectors(points: int) -> NDArray[np.float64]:
 
 
 def names_along_y(branch: int, contact: Contact) -> str:
-    """Return the paper's names that a branch goes by on Γ–M, as "TR" or, where modes cross, "TR/L"."""
+    """Return the paper's names of a branch on Γ–M: "TR", or "TR/L" if modes cross."""
     line = np.stack([np.zeros(200), np.linspace(0.0, EDGE, 202)[1:-1]], axis=-1)
     return "/".join(name for name in ("TR", "L", "RT") if branch in branch_index(name, line, contact))
 
 
 def amplitudes(wavevector: NDArray[np.float64], branch: int, contact: Contact) -> NDArray[np.float64]:
-    """Return the size (...) of the second harmonic of complex fields, in |ε| D0."""
+    """Return the amplitude (...) of the second harmonic for complex fields, in |ε| D0."""
     one = branch_of(hexagonal(contact), wavevector, branch)
     forced = Mixed(hexagonal(contact), one, one).forced()[..., 0, :]
     return np.asarray(np.linalg.norm(forced, axis=-1) / -nonlinearity(contact, 1.0))

@@ -1,18 +1,19 @@
-"""Map the partners of one wave: with which waves of the zone it is phase-matched, and how fast the third grows.
+"""Map of the partners of one wave: waves of the zone that are phase-matched with it, and the growth of the third wave.
 
     granular-analysis mixing [-o FILE] [--poisson-ratio NU] [--mode NAME] [--wavenumber XI] [--direction DEG]
 
-The star is the first wave. A panel holds the second waves of one branch: above for the sum of the two, below for their
-difference, the first less the second. A line is where Ω1 ± Ω2 is the frequency of a branch at k1 ± k2. Its colour says
-of which, its width how fast that wave grows (`granular_analysis.theory.second_order.Mixed.growth_rates`).
+The star is the first wave. Each panel is for second waves of one branch: the upper row for the sum of the two, the
+lower row for the difference, the first minus the second. On a line Ω1 ± Ω2 is the frequency of a branch at k1 ± k2. The
+colour of the line is for that branch, its width for the growth rate of the third wave
+(`granular_analysis.theory.second_order.Mixed.growth_rates`).
 
-How to read it. A point on a wide line is a second wave that makes, with the first, a third one of the size of both in
-τ = 1/(rate·a), a = D0/Δ0. Where a line thins out the drive has a zero. On Γ–M and Γ–K symmetry forbids some drives
-altogether when the first wave is there too (`granular_analysis.theory.selection`). Wave vectors beyond the zone are
-those of the lattice folded back, so a sum may leave it.
+How to read it. A point on a wide line is a second wave. Together with the first it generates a third wave, which
+reaches the size of both in τ = 1/(rate·a), a = D0/Δ0. Where a line gets thin, the drive has a zero. If the first wave
+lies on Γ–M or Γ–K, symmetry forbids some drives there altogether (`granular_analysis.theory.selection`). A sum of wave
+vectors may leave the zone; it is equivalent to a wave vector inside.
 
-What it leaves out: nothing says here how far from a line two waves still mix; a detuning d lets a third wave grow to
-2·rate·a/|d|. Every line is that of small amplitudes.
+The map does not show how far from a line two waves still mix: with a detuning d a third wave grows to 2·rate·a/|d|. All
+lines are for small amplitudes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,33 +35,34 @@ from granular_analysis.theory.bloch import branch_index, pair_of, wavevector_of
 from granular_analysis.theory.contact import Contact
 
 Floats = NDArray[np.float64]
-Tone = tuple[Floats, int]  # a wave vector, and its branch
-POINTS = 240  # per axis; even, so that Γ, where all of a static wave is 0/0, falls between grid points
+Tone = tuple[Floats, int]  # wave vector and branch
+POINTS = 240  # per axis; even, so that Γ, where a static wave is 0/0, falls between grid points
 COLOURS: Final = ("C0", "black", "C3")  # by the branch that grows, lower to upper
-SHOWN = (0.01, 0.03, 0.1)  # rates of the legend
+SHOWN = (0.01, 0.03, 0.1)  # rates in the legend
 SIGNS: Final[dict[Literal[1, -1], str]] = {1: "sum", -1: "difference"}
 
 
 def width(rate: Floats | float) -> Floats:
-    """Return the width of a line in points: in proportion to the rate, and a hair where that is zero."""
+    """Return the width of a line in points: proportional to the rate, and hairline at rate zero."""
     return np.asarray(0.3 + 60.0 * np.asarray(rate))
 
 
 def partners(
     first: Tone, branch: int, sign: Literal[1, -1], contact: Contact, points: int
 ) -> Iterator[tuple[int, Floats, Floats]]:
-    """Yield the lines of second waves with which a wave is phase-matched, in the rectangle around the zone.
+    """Yield the lines of second waves that are phase-matched with a wave, in the rectangle around the zone.
 
     Parameters
     ----------
-    first : the wave, single
-    branch : of the second waves
-    sign : 1 for the sum, −1 for the difference
-    points : of the grid, per axis; wave vectors are good to the square of its spacing, 2e-4 of the zone with 240
+    first : a single wave.
+    branch : branch of the second waves.
+    sign : 1 for the sum, −1 for the difference.
+    points : grid points per axis. Errors of wave vectors scale with the square of the spacing: 2e-4 of the zone with
+        240.
 
     Yields
     ------
-    the branch that grows; wave vectors (N, 2) of a line; rates (N,) per τ and a
+    branch that grows; wave vectors (N, 2) of a line; rates (N,) per τ and a
     """
     k = wave_vectors(points)
     gaps = pair_of(first, (k, branch), sign, contact).detunings
@@ -71,7 +73,7 @@ def partners(
 
 
 class Found(NamedTuple):
-    """The first wave, its `partners` by sign and branch, and both in words."""
+    """The first wave, its `partners` by sign and branch, and a title."""
 
     first: Tone
     partners: Mapping[tuple[str, int], Sequence[tuple[int, Floats, Floats]]]
@@ -79,7 +81,7 @@ class Found(NamedTuple):
 
 
 def measured(poisson_ratio: float, mode: str, wavenumber: float, direction: float) -> Found:
-    """Return the partners of a wave; ValueError for one that the lattice does not have."""
+    """Return the partners of a wave; raise ValueError for a wave that the lattice does not have."""
     contact, k = Contact(poisson_ratio), wavevector_of(wavenumber, direction)
     first = k, int(branch_index(mode, k, contact))
     found = {
@@ -95,7 +97,7 @@ def measured(poisson_ratio: float, mode: str, wavenumber: float, direction: floa
 
 
 def table(found: Found) -> str:
-    """Return a line for each sign and branch: points on the lines of its partners, and the highest rate there."""
+    """Return a line for each sign and branch: number of points on the lines of partners, and the highest rate."""
     lines = [f"{'with the branch':24}{'points':>8}{'rate':>10}"]
     for (name, branch), drawn in found.partners.items():
         rates = np.concatenate([rates for _, _, rates in drawn]) if drawn else np.zeros(1)
@@ -135,7 +137,7 @@ def draw(found: Found) -> Figure:
 
 
 def _zone(panel: Axes, first: Tone) -> None:
-    """Draw the first zone, its corners' names and the first wave; the zone is the first patch of the panel."""
+    """Draw the first zone, the names of its points and the first wave; the zone is the first patch of the panel."""
     angles = np.deg2rad(np.arange(0, 360, 60))
     panel.add_patch(
         Polygon(CORNER * np.stack([np.cos(angles), np.sin(angles)], axis=-1), fill=False, edgecolor="0.6", zorder=1)
@@ -148,8 +150,8 @@ def _zone(panel: Axes, first: Tone) -> None:
 
 
 WAVE = {
-    "mode": (str, "TR", "of the first wave: L, TR or RT"),
-    "wavenumber": (float, 0.802, "ξ of it"),
-    "direction": (float, 90.0, "of it, degrees from a close-packed row"),
+    "mode": (str, "TR", "mode of the first wave: L, TR or RT"),
+    "wavenumber": (float, 0.802, "its wave number ξ"),
+    "direction": (float, 90.0, "its direction, degrees from a close-packed row"),
 }
 main = script(__name__, measured, table, draw, options={**POISSON_RATIO, **WAVE})

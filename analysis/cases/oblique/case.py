@@ -1,18 +1,17 @@
-"""The second harmonic of plane waves of any direction, read off snapshots, beside the general formula.
+"""Second harmonic of plane waves of any direction, from snapshots, compared with the general formula.
 
     granular-analysis oblique SWEEP... [-o FILE]
 
-Each SWEEP is the folder of a sweep over mode and direction (``granular-lmp sweep``) whose runs hold snapshots of all
-spheres, over two time steps h and h/2 as well if Richardson's extrapolation is wanted; ``make waves`` makes one.
+Each SWEEP is the folder of a sweep over mode and direction (``granular-lmp sweep``) with snapshots of all spheres, and
+over two time steps h and h/2 for Richardson's extrapolation; ``make waves`` makes one.
 
-The displacements of all spheres are projected on twice the wave vector of the run, which leaves nothing of the
-fundamental:
+The displacements of all spheres are projected on twice the wave vector of the run, which removes the fundamental:
 
     X(τ) = (2/N) Σ u(r, τ) e^{−2ik·r}        of the field Re[X e^{2ik·r}]
 
-Theory is `granular_analysis.theory.second_order`, in LAMMPS's contact geometry. Where a mirror holds the wave (along y
-and x) only the component along k is driven; in between a wave of any mode drives all three, p and q along and across k,
-and φ.
+Theory is `granular_analysis.theory.second_order`, in LAMMPS's contact geometry. If the wave is symmetric under a mirror
+(along y and x), only the component along k is driven; in other directions a wave of any mode drives all three: p along
+k, q across k, and φ.
 """
 
 from collections.abc import Iterable, Sequence
@@ -39,9 +38,9 @@ from granular_lmp.runs.record import Record
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 HELD = HOLDS["second-order"] - WALLS - {JKR}  # traits of a run that the general formula holds
-SILENT = 1e-3  # less than this share of the largest component is zero by symmetry
-BOUND = 1e-2  # drawn: the relative error is to stay below it
-# Told apart by marker and dashes without colour
+SILENT = 1e-3  # share of the largest component below which a component is zero by symmetry
+BOUND = 1e-2  # line in the figure: relative errors should stay below it
+# Marker and dashes distinguish the components without colour
 COMPONENTS = {"p": ("black", "o", "-"), "q": ("C3", "s", "--"), "phi": ("C0", "^", "-.")}
 AXES = (r"$\Gamma$K ($x$)", r"$\Gamma$M", r"$\Gamma$K", r"$\Gamma$M ($y$)")  # every 30 degrees
 LABELS = {"p": "$p$, along $k$", "q": "$q$, across $k$", "phi": r"$\varphi = R\theta$"}
@@ -49,7 +48,7 @@ LABELS = {"p": "$p$, along $k$", "q": "$q$, across $k$", "phi": r"$\varphi = R\t
 
 @dataclass(frozen=True)
 class Point:
-    """One wave: X(τ) of the run and of theory, (T, 3) complex, components p, q, φ, in D0."""
+    """One wave: X(τ) of the run and of theory, (T, 3) complex for p, q, φ, in D0."""
 
     mode: str
     wavenumber: float
@@ -60,12 +59,12 @@ class Point:
 
     @property
     def error(self) -> float:
-        """Relative L2 error of all components together."""
+        """Return the relative L2 error of all components together."""
         return relative_error(_reals(self.run), _reals(self.theory))
 
     @property
     def strength(self) -> Floats:
-        """Root mean square over the run of |X| of p, q, φ in the run, (3,)."""
+        """Return the root mean square over τ of |X| for p, q, φ in the run, (3,)."""
         return strength(self.run)
 
 
@@ -73,37 +72,37 @@ Measured = tuple[Sequence[Point], Sequence[Record]]  # points of sweeps, and the
 
 
 def _reals(wave: Complexes) -> Floats:
-    """Real and imaginary parts of (T, 3), (T, 3, 2)."""
+    """Return real and imaginary parts (T, 3, 2) of complex (T, 3)."""
     return np.stack([wave.real, wave.imag], axis=-1)
 
 
 def strength(wave: Complexes) -> Floats:
-    """Root mean square over time of the magnitudes of (..., T, 3)."""
+    """Return the root mean square over time of |X| (..., T, 3)."""
     return np.sqrt(np.mean(np.abs(wave) ** 2, axis=-2))
 
 
 def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
-    """Return the times (T,) and X(τ) (T, 3) of p, q, φ of a run, from its snapshots.
+    """Return the times (T,) and X(τ) (T, 3) for p, q, φ, from the snapshots of a run.
 
-    Raises ValueError where 2k and −2k are one wave vector of the lattice: X is then not told from its conjugate.
+    Raises ValueError if 2k and −2k are the same wave vector of the lattice: X and its conjugate are then not separable.
     """
     particles, scene = record.snapshots(), record.scene
     k = wavevector_of(scene.wavenumber, scene.direction)
     rest = rest_of(particles)
     rest = rest - rest[scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2]
     if np.allclose(np.exp(4j * rest @ k), 1, atol=1e-6):
-        raise ValueError("2k is half a wave vector of the reciprocal lattice: its wave has no direction")
+        raise ValueError("2k is half a reciprocal lattice vector, so its wave has no direction")
     return particles.tau, in_frame(component(fields_of(particles), rest, 2 * k), k)
 
 
 def predicted(wave: Wave, tau: Floats) -> Complexes:
-    """X(τ) (T, 3) of p, q, φ by theory."""
+    """Return X(τ) (T, 3) for p, q, φ, by theory."""
     mode = wave.mode
     return predicted_along([mode.direction], mode.wavenumber, wave, tau)[0]
 
 
 def predicted_along(angles: ArrayLike, wavenumber: float, wave: Wave, tau: Floats) -> Complexes:
-    """X(τ) (A, T, 3) of p, q, φ by theory, with another wave number and other directions (A,), in degrees."""
+    """Return X(τ) (A, T, 3) for p, q, φ, by theory, for another wave number and other directions (A,), in degrees."""
     k = np.array([[wavevector_of(wavenumber, angle)] for angle in np.asarray(angles, dtype=float)])
     one = branch_of(wave.crystal, k, branch_index(wave.mode.name, k, wave.contact))
     field = in_plane(Mixed(wave.crystal, one, one).signal(tau))
@@ -111,15 +110,15 @@ def predicted_along(angles: ArrayLike, wavenumber: float, wave: Wave, tau: Float
 
 
 def refusal(record: Record) -> str | None:
-    """Return the reason why a run is not one of these, or None."""
+    """Return the reason why a run is refused, or None."""
     left_out = sorted(traits_of(record) - HELD)
     return f"the general formula leaves out {', '.join(left_out)}" if left_out else None
 
 
 def points(records: Iterable[Record]) -> list[Point]:
-    """One point a wave, of two runs with steps h and h/2 the extrapolation (4·fine − coarse)/3.
+    """Return a point for each wave; two runs with steps h and h/2 are extrapolated, (4·fine − coarse)/3.
 
-    Raises ValueError for a run that is none of these (`refusal`), and for other runs of one wave.
+    Raises ValueError for a run that `refusal` refuses, and for runs of one wave that are not such a pair.
     """
     runs = list(records)
     for record in runs:
@@ -134,13 +133,13 @@ def _point(runs: list[Record]) -> Point:
     (tau, wave), *coarse = (second_harmonic(record) for record in runs)
     for times, rougher in coarse:
         if len(times) != len(tau):
-            raise ValueError(f"{mode} at {direction:.5g} degrees: {len(times)} and {len(tau)} snapshots are no pair")
+            raise ValueError(f"{mode} at {direction:.5g} degrees: {len(times)} and {len(tau)} snapshots; must be equal")
         wave = (4 * wave - rougher) / 3
     return Point(mode, wavenumber, direction, tau, wave, predicted(wave_of(runs[0]), tau))
 
 
 def table(runs: Measured) -> str:
-    """Each wave: how large its second harmonic is, and the relative error of theory."""
+    """Return a line for each wave: strength of its second harmonic, and relative error of theory."""
     made, _ = runs
     lines = [f"{'mode':5}{'direction':>10}{'xi':>9}{'p':>11}{'q':>11}{'phi':>11}   rms of X in D0, and its error"]
     for each in made:
@@ -154,9 +153,9 @@ def table(runs: Measured) -> str:
 
 
 def draw(runs: Measured) -> Figure:
-    """Draw the strength of p, q, φ at 2k over the direction for each mode, runs on theory; below, the error of each.
+    """Return the figure: strength of p, q, φ at 2k over direction, of runs and theory; below, the error of each run.
 
-    The lines are theory at the mean wave number; that of each run is as near to it as its cell allows.
+    The lines are theory at the mean wave number; the wave number of a run is the nearest one that fits its cell.
     """
     made, records = runs
     names = [name for name in ("TR", "RT", "L") if any(each.mode == name for each in made)]
@@ -188,14 +187,14 @@ def draw(runs: Measured) -> Figure:
 
 
 def _wave(records: Sequence[Record], name: str) -> Wave:
-    """Return the wave of the first oblique run of a mode: along an axis an L wave runs without rotation."""
+    """Return the wave of the first oblique run of a mode; along an axis an L wave has no rotation."""
     these = [wave_of(record) for record in records if record.scene.require_wave().mode == name]
     return next((wave for wave in these if wave.contact.rotation), these[0])
 
 
 def _strengths(axes: Axes, these: Sequence[Point], wavenumber: float, wave: Wave) -> None:
     directions = [each.direction for each in these]
-    angles = np.linspace(min(0.0, *directions), max(90.0, *directions), 181)  # one direction has its line too
+    angles = np.linspace(min(0.0, *directions), max(90.0, *directions), 181)  # a line even for a single direction
     theory = strength(predicted_along(angles, wavenumber, wave, these[0].tau))
     largest = theory.max()
     for index, (name, (colour, marker, line)) in enumerate(COMPONENTS.items()):
@@ -213,4 +212,4 @@ def measure(records: Sequence[Record]) -> Measured:
     return points(records), records
 
 
-main = script(__name__, measure, table, draw, ("sweeps", "over wave.mode, wave.direction"))
+main = script(__name__, measure, table, draw, ("sweeps", "sweeps over wave.mode and wave.direction"))

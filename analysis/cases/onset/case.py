@@ -1,11 +1,11 @@
-"""How the paper's wave ends: the amplitude at which contacts open or slide, and the second harmonic beyond it.
+"""Limits of the paper's wave: amplitudes at which contacts open or slide, and the second harmonic beyond them.
 
     granular-analysis onset SWEEP... [-o FILE]
 
 Each SWEEP is the folder of a sweep (``granular-lmp sweep``) with ``effects.contact_opening = true``; ``make onset``
-makes them. Runs without sliding, over the amplitude and any of wave number, Poisson's ratio and form, give the map
-(`cases.onset.onset`); those of one wave also the second harmonic over the amplitude. Runs with sliding,
-over the friction, give the last panel.
+makes them. Runs without sliding, over the amplitude and any of wave number, Poisson's ratio and form, give the onsets
+(`cases.onset.onset`), and for one wave the second harmonic over the amplitude. Runs with sliding, over the friction,
+give the last panel.
 """
 
 from collections import defaultdict
@@ -23,14 +23,14 @@ from granular_analysis.measure.runs import all_but
 from granular_analysis.plotting import SILICA, legend_above, page
 from granular_lmp.runs.record import Record
 
-MARKERS = {"running": ("o", 4), "standing": ("s", 6), "pulse": ("^", 8)}  # with its size, in points
+MARKERS = {"running": ("o", 4), "standing": ("s", 6), "pulse": ("^", 8)}  # marker and its size in points
 COLOURS = ("C0", "black", "C1", "C2", "C3")  # by Poisson's ratio
 SHOWN = 0.8  # the second harmonic is drawn for the running wave whose wave number is nearest to this
 
 
 @dataclass(frozen=True)
 class Point:
-    """The onsets of one wave: its form, Poisson's ratio, wave number, and what began at which amplitude."""
+    """Onsets of one wave: its form, Poisson's ratio and wave number, and the onset of each event."""
 
     form: str
     poisson_ratio: float
@@ -39,7 +39,7 @@ class Point:
     sliding: Onset | None
 
 
-Measured = tuple[Sequence[Record], Sequence[Point]]  # runs, and the onsets in those without sliding
+Measured = tuple[Sequence[Record], Sequence[Point]]  # all runs, and the onsets in the runs without sliding
 
 
 def form_of(record: Record) -> str:
@@ -62,7 +62,7 @@ def points(records: Sequence[Record]) -> list[Point]:
 
 
 def table(runs: Measured) -> str:
-    """Return the onsets, measured and by the linear rule, a line for each wave."""
+    """Return a line for each wave: its onsets, measured and by the linear rule."""
     _, found = runs
     lines = [f"{'form':9}{'nu':>6}{'xi':>8}" + f"{'opens at a':>22}{'rule':>8}" + f"{'slides at a':>22}{'rule':>8}"]
     for each in found:
@@ -77,9 +77,10 @@ def table(runs: Measured) -> str:
 
 
 def draw(runs: Measured) -> Figure:
-    """Return the figure: onset of opening, onset of sliding, the second harmonic over amplitude and over friction.
+    """Return the figure: onset of opening, onset of sliding, second harmonic over amplitude, and wave over friction.
 
-    Raises ValueError for runs without sliding of several frictions, and runs with sliding that differ in more than it.
+    Raises ValueError for different frictions in the runs without sliding, and for runs with sliding that differ in more
+    than the friction.
     """
     records, found = runs
     figure = page(6.2)
@@ -87,7 +88,7 @@ def draw(runs: Measured) -> Figure:
     _map(opens, found, "opening", "(a) contacts open")
     frictions = sorted({run.scene.effects.friction for own in waves(records).values() for run in own})
     if len(frictions) > 1:
-        raise ValueError(f"effects.friction = {frictions}: must be one in the runs without sliding")
+        raise ValueError(f"effects.friction = {frictions}: must be equal in the runs without sliding")
     _map(slides, found, "sliding", f"(b) contacts slide, friction {frictions[0]:g}")
     _beyond(beyond, records)
     _frictions(rubbed, records)
@@ -119,7 +120,7 @@ def _map(axes: Axes, found: Sequence[Point], event: Event, title: str) -> None:
 
 
 def _beyond(axes: Axes, records: Sequence[Record]) -> None:
-    """Draw the largest |p| of one running wave over its amplitude, before contacts open and after."""
+    """Draw the largest |p| of one running wave over its amplitude, with closed contacts and with open ones."""
     groups = {wave: runs for wave, runs in waves(records).items() if wave[0] == "running"}
     wave = min(groups, key=lambda each: (abs(each[2] - SHOWN), abs(each[1] - SILICA)))
     amplitudes = np.array([run.scene.amplitude for run in groups[wave]])
@@ -134,7 +135,7 @@ def _beyond(axes: Axes, records: Sequence[Record]) -> None:
 
 
 def _frictions(axes: Axes, records: Sequence[Record]) -> None:
-    """Draw what is left of the fundamental at the end, and the largest |p|, over the friction."""
+    """Draw the fundamental in the last period, and the largest |p|, over the friction."""
     runs = [run for run in records if run.info["effects"]["sliding"]["on"]]
     runs.sort(key=lambda run: float(run.scene.effects.friction))
     axes.set(xlabel="friction", ylabel=r"amplitude ($D_0$)")
@@ -143,7 +144,7 @@ def _frictions(axes: Axes, records: Sequence[Record]) -> None:
         axes.text(0.5, 0.5, "no runs with sliding", ha="center", transform=axes.transAxes)
         return
     if len({repr(all_but(run, "effects.friction")) for run in runs}) > 1:
-        raise ValueError(f"{runs[0].folder}: the runs with sliding must differ in effects.friction alone")
+        raise ValueError(f"{runs[0].folder}: the runs with sliding must differ only in effects.friction")
     frictions = [float(run.scene.effects.friction) for run in runs]
     period = 2 * np.pi / runs[0].info["frequency"]
     last = [np.abs(run.q[run.tau > run.tau[-1] - period]).max() for run in runs]
@@ -156,7 +157,7 @@ def _frictions(axes: Axes, records: Sequence[Record]) -> None:
 
 
 def measure(runs: Sequence[Record]) -> Measured:
-    """Return runs, and the onsets; ValueError where all runs have sliding."""
+    """Return the runs and the onsets; raise ValueError if all runs have sliding."""
     if not waves(runs):
         raise ValueError("no finished runs with effects.sliding = false")
     return runs, points(runs)

@@ -1,9 +1,9 @@
-"""A deck that this package did not write: frequencies over wave numbers of its chain, and its front, beside theory.
+"""A deck that this package did not write: frequencies over wave numbers of its chain, and its front, and theory.
 
     granular-analysis own_deck [-o FILE]
 
-LAMMPS runs the deck of the page, with both mends that ``granular-lmp lint`` says. The theory is a chain of equal beads
-under a static overlap δ, for waves that are small beside it:
+LAMMPS runs the deck of the page, with both corrections that ``granular-lmp lint`` suggests. Theory is a chain of equal
+beads with a static overlap δ, for waves that are small against δ:
 
     ω = 2 √(K/m) |sin(ka/2)|,    K = 2 E* √(Rc δ),    c = a √(K/m)
 """
@@ -31,17 +31,17 @@ from granular_lmp.runs.unnamed import Unnamed
 
 Floats = NDArray[np.float64]
 DECK = Path(__file__).with_name("chain.lmp")
-RADIUS, DENSITY, YOUNG, POISSON, SPACING = 4.75e-3, 7800.0, 2e11, 0.3, 9.498e-3  # as the deck has them
+RADIUS, DENSITY, YOUNG, POISSON, SPACING = 4.75e-3, 7800.0, 2e11, 0.3, 9.498e-3  # values in the deck, SI
 MASS = 4 / 3 * pi * RADIUS**3 * DENSITY
 STIFFNESS = YOUNG / (1 - POISSON**2) * sqrt(RADIUS / 2 * (2 * RADIUS - SPACING))
 SOUND = SPACING * sqrt(STIFFNESS / MASS)  # m/s
-FAR = 0.4, 0.85  # m, where the front has become slow to spread, and before the held end sends it back
-STRONG = 0.1  # of the largest power: peaks that are compared
+FAR = 0.4, 0.85  # range of the fit of the front, m: from where it hardly spreads to before the held end reflects it
+STRONG = 0.1  # share of the largest power above which peaks are compared
 
 
 @dataclass(frozen=True)
 class Found:
-    """What is found of the deck: its waves, the arrivals of its front, and what separates it from its witness."""
+    """Results for the deck: its waves, the arrivals of its front, and its difference from the witness."""
 
     waves: Branches
     front: Front
@@ -49,7 +49,7 @@ class Found:
 
 
 def adopted(folder: Path) -> Unnamed:
-    """Run the deck in a folder, and adopt what it wrote."""
+    """Run the deck in a folder, and adopt its output."""
     deck = folder / DECK.name
     deck.write_text(DECK.read_text(encoding="utf-8"), encoding="utf-8")
     reading = read(deck)
@@ -62,27 +62,27 @@ def adopted(folder: Path) -> Unnamed:
 
 
 def measure() -> Found:
-    """Run the deck, and return what is found of it."""
+    """Run the deck, and return the results."""
     with TemporaryDirectory(prefix="granular-lmp-") as folder:
         crystal = adopted(Path(folder))
         return Found(branches(crystal), front(crystal, origin=2, direction=0.0), witness(crystal))
 
 
 def frequency(wavenumber: Floats) -> Floats:
-    """Return the frequency of a wave number (rad/m), Hz."""
+    """Return the frequency in Hz at a wave number in rad/m."""
     return np.asarray(SOUND / SPACING / pi * np.abs(np.sin(wavenumber * SPACING / 2)))
 
 
 def table(found: Found) -> str:
-    """Return the lattice, the frequencies beside theory, the speed of the front and the share of the step."""
+    """Return the lattice, the deviation of frequencies, the speed of the front, and the error of the time step."""
     numbers, peaks, _, power = found.waves.rows[found.waves.rows[:, 3] > STRONG].T
     off, resolution = float(np.sqrt(np.mean((peaks - frequency(numbers)) ** 2))), found.waves.resolution
     far = found.front.between(*FAR)
     speed = np.polyfit(far.arrival, far.distance, 1)[0]
     return "\n".join(
         [
-            f"constant of the lattice {np.linalg.norm(found.waves.lattice.vectors[0]):.6f} m",
-            f"waves, rms off theory  {len(power):4} {off:8.1f} Hz, resolution {resolution:.1f} Hz",
+            f"lattice constant       {np.linalg.norm(found.waves.lattice.vectors[0]):.6f} m",
+            f"waves, rms deviation   {len(power):4} {off:8.1f} Hz, resolution {resolution:.1f} Hz",
             f"front, sound           {speed:8.2f} {SOUND:8.2f} m/s",
             f"witness, step          {found.witness.error:8.4f} {found.witness.step:8.4f}",
         ]
@@ -90,7 +90,7 @@ def table(found: Found) -> str:
 
 
 def draw(found: Found) -> Figure:
-    """Return the panels: the spectral density with its peaks over wave numbers, and the front."""
+    """Return the figure: spectral density and its peaks over wave number, and the front."""
     figure = page(2.9)
     waves, arrivals = figure.subplots(1, 2)
     numbers, rows = found.waves.wavenumbers, found.waves.rows

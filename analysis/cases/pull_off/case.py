@@ -1,11 +1,10 @@
-"""Snap-in and pull-off in collisions, beside the law of Johnson, Kendall and Roberts.
+"""Snap-in and pull-off in collisions, compared with the law of Johnson, Kendall and Roberts.
 
     granular-analysis pull_off RUN [RUN ...] [-o FILE]
 
 RUN is a folder of `granular-lmp collide` with contact.normal = "jkr" or "dmt"; all have the same sphere and partner.
-Left: the force over the overlap in the slowest collision by either law after which the bodies part. Right: the
-restitution over the velocity. The largest distance of a recorded force from the curve is printed, and of e² from
-1 − v_s²/v².
+Left: force over overlap in the slowest collision after which the bodies separate, for each law. Right: restitution over
+velocity. The script prints the largest deviation of a recorded force from the curve, and of e² from 1 − v_s²/v².
 """
 
 import csv
@@ -29,18 +28,18 @@ from cases.runner import script
 from granular_analysis.plotting import COLOURS, letter, page
 
 Floats = NDArray[np.float64]
-POINTS = 60  # records of a loop that are drawn, about
+POINTS = 60  # approximate number of records drawn of a loop
 STYLES = {"jkr": COLOURS["TR"], "dmt": COLOURS["RT"]}
 
 
 @dataclass(frozen=True, eq=False)
 class Collision:
-    """A collision as its folder tells it; SI units.
+    """A collision, read from its folder; SI units.
 
     Attributes
     ----------
-    tables : its scene.
-    overlap, force : (T,) records; a push is positive.
+    tables : tables of its scene.
+    overlap, force : (T,) records; a repulsive force is positive.
     restitution : 0 if the bodies stick.
     """
 
@@ -51,17 +50,17 @@ class Collision:
 
     @classmethod
     def read(cls, folder: Path) -> "Collision":
-        """Return the collision of a folder; raises ValueError if a file is missing or not of such a collision."""
+        """Return the collision in a folder; raise ValueError if a file is missing or does not belong to a collision."""
         try:
             declared = folder / "collision.toml"
-            declared = declared if declared.is_file() else folder / "scene.toml"  # where earlier releases declared it
+            declared = declared if declared.is_file() else folder / "scene.toml"  # the file of earlier releases
             tables = tomllib.loads(declared.read_text("utf-8"))
             with (folder / "collision.csv").open(encoding="utf-8", newline="") as stream:
                 rows = [(float(row["overlap_m"]), float(row["normal_force_N"])) for row in csv.DictReader(stream)]
             numbers = json.loads((folder / "collision.json").read_text("utf-8"))
             law, restitution = tables["contact"]["normal"], float(numbers["restitution"]["value"])
         except (OSError, KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"{folder}: is no folder of `granular-lmp collide` ({error!r})") from error
+            raise ValueError(f"{folder}: is not a folder of `granular-lmp collide` ({error!r})") from error
         if law not in STYLES:
             raise ValueError(f"{folder}: contact.normal = {law!r}: must be one of {', '.join(STYLES)}")
         overlap, force = np.array(rows).T
@@ -79,7 +78,7 @@ class Collision:
 
     @cached_property
     def contact(self) -> Contact:
-        """Return the contact by JKR."""
+        """Return the JKR contact."""
         sphere, bodies = self.tables["sphere"], 1 if self.on_plane else 2
         modulus = sphere["youngs_modulus"] / (1 - sphere["poisson_ratio"] ** 2)
         return Contact(sphere["radius"] / bodies, modulus / bodies, sphere["work_of_adhesion"])
@@ -92,7 +91,7 @@ class Collision:
 
     @property
     def speed(self) -> float:
-        """Return the relative velocity before."""
+        """Return the relative velocity before the collision."""
         return float(self.tables["collision"]["normal_velocity"] * (1 if self.on_plane else 2))
 
     def curve(self, overlap: Floats) -> Floats:
@@ -105,14 +104,14 @@ class Collision:
 
     @property
     def off_the_curve(self) -> float:
-        """Return the largest distance of a recorded force from the curve, over the largest pull of JKR."""
+        """Return the largest deviation of a recorded force from the curve, over the pull-off force of JKR."""
         held = self.force != 0
         errors = np.abs(self.force[held] - self.curve(self.overlap[held]))
         return float(np.max(errors) / self.contact.pull_off_force)
 
 
 def read(folders: Sequence[str]) -> list[Collision]:
-    """Return collisions of one sphere and partner, by velocity; raises ValueError if they are not, or none is "jkr"."""
+    """Return the collisions by velocity; raise ValueError for different spheres or partners, or without "jkr"."""
     found = [Collision.read(Path(folder)) for folder in folders]
     for folder, each in zip(folders, found, strict=True):
         if (each.tables["sphere"], each.on_plane) != (found[0].tables["sphere"], found[0].on_plane):
@@ -150,7 +149,7 @@ def _loop(axes: Axes, collisions: Sequence[Collision]) -> None:
         if run is None:
             continue
         held = np.flatnonzero((run.force != 0) & (run.overlap < most))
-        held = held[:: -max(len(held) // POINTS, 1)]  # the last before the bodies part is among them
+        held = held[:: -max(len(held) // POINTS, 1)]  # includes the last record before the bodies separate
         if law == "dmt":
             line = np.linspace(0, most, 200)
             axes.plot(np.append(0, line) / length, np.append(0, run.curve(line)) / unit, color=STYLES[law], zorder=1)
@@ -195,7 +194,7 @@ def _restitution(axes: Axes, collisions: Sequence[Collision]) -> None:
 
 
 def table(collisions: Sequence[Collision]) -> str:
-    """Return how far LAMMPS is off the curve of forces, and off the restitution of a contact that parts under load."""
+    """Return the deviations of LAMMPS from the curve of forces, and from the restitution with parting "load"."""
     snapping = [each for each in collisions if each.law == "jkr"]
     exact = [float(each.contact.restitution(each.speed, each.mass, "load")) for each in snapping]
     worst = max(abs(each.restitution**2 - e**2) for each, e in zip(snapping, exact, strict=True))

@@ -1,7 +1,7 @@
-"""Adhesion that acts beyond contact: the law of Johnson, Kendall and Roberts, and the energy that a collision loses.
+"""Law of Johnson, Kendall and Roberts, whose adhesion reaches beyond overlap 0, and the energy lost in a collision.
 
-Two spheres of the effective radius R, the effective modulus E* and the work of adhesion w that touch in a circle of
-radius a push each other with f at the overlap δ:
+Two spheres with effective radius R, effective modulus E* and work of adhesion w that touch in a circle of radius a
+repel each other with the force f at the overlap δ:
 
     f = 4E*a³/3R − √(8π w E* a³),   δ = a²/R − √(2π w a/E*)
 
@@ -9,20 +9,20 @@ Without an outer force a0³ = 9π w R²/2E* and δ0 = a0²/3R. In x = a/a0 and y
 
     f = 6π w R (y² − y),   δ = δ0 (3x² − 2√x),   U = ∫ f dδ = 6π w R δ0 x² (6y²/5 − 2y + 1/2)
 
-with the energy U of bodies that do not touch at 0. Bodies that approach touch at δ = 0, at y = 2/3, and pull each other
-with (4/3) π w R. They part where the contact is no longer stable:
+where U is 0 for bodies that do not touch. Approaching bodies touch at δ = 0, where y = 2/3, and attract each other with
+(4/3) π w R. They separate where the contact is no longer stable:
 
 | y | force | overlap | the contact ends |
 |---|---|---|---|
-| 1/2 | −(3/2) π w R, the largest pull | −2^{−4/3} δ0 | under a given load; in LAMMPS always |
-| 1/6 | −(5/6) π w R | −9·6^{−4/3} δ0 | at a given distance, as of two bodies that fly apart |
+| 1/2 | −(3/2) π w R, the pull-off force | −2^{−4/3} δ0 | under a given load; in LAMMPS always |
+| 1/6 | −(5/6) π w R | −9·6^{−4/3} δ0 | at a given distance, as for two bodies that fly apart |
 
-A collision loses the difference of U between parting and touching, whatever its speed, so that e = √(1 − v_s²/v²):
+A collision at any speed loses the difference of U between separation and touch, so that e = √(1 − v_s²/v²):
 
     W = c (w⁵R⁴/E*²)^{1/3},   c = 7.0922 at a given distance, 3.5026 in LAMMPS
 
 Sources: K. L. Johnson, K. Kendall & A. D. Roberts, Proc. R. Soc. Lond. A 324, 301 (1971). C. Thornton & Z. Ning, Powder
-Technology 99, 154 (1998) have W with 7.09.
+Technology 99, 154 (1998) give W with 7.09.
 """
 
 from dataclasses import dataclass
@@ -48,12 +48,12 @@ class Contact:
     ----------
     radius : R, 1/R = 1/R1 + 1/R2; the radius of a sphere on a plane.
     modulus : E*, 1/E* = Σ (1 − ν²)/E; a rigid plane has no term.
-    work : w of adhesion.
+    work : work of adhesion w.
 
     Raises ValueError for values that are not positive.
 
-    Holds a small contact, a ≪ R, that is slow against sound, and attraction of short range: a Tabor parameter
-    (R w²/E*² z0³)^{1/3} well above 1, z0 the range. Below 0.1 DMT's law holds.
+    When it breaks: the law needs a small contact, a ≪ R, motion that is slow against sound, and attraction of short
+    range z0: a Tabor parameter (R w²/E*² z0³)^{1/3} well above 1. Below 0.1 DMT's law holds.
     """
 
     radius: float
@@ -80,30 +80,30 @@ class Contact:
 
     @property
     def pull_off_force(self) -> float:
-        """Return the largest pull, (3/2) π w R."""
+        """Return the pull-off force, the largest attraction, (3/2) π w R."""
         return 1.5 * pi * self.work * self.radius
 
     # --- the law ---
 
     def force(self, contact_radius: ArrayLike) -> Floats:
-        """Return f at radii a ≥ 0; positive when the bodies push each other."""
+        """Return f at contact radii a ≥ 0; positive if the bodies repel each other."""
         y = self._y(contact_radius)
         return 4 * self.pull_off_force * (y**2 - y)
 
     def overlap(self, contact_radius: ArrayLike) -> Floats:
-        """Return δ at radii a ≥ 0."""
+        """Return δ at contact radii a ≥ 0."""
         y = self._y(contact_radius)
         return self.rest_overlap * (3 * y ** (4 / 3) - 2 * y ** (1 / 3))
 
     def energy(self, contact_radius: ArrayLike) -> Floats:
-        """Return U at radii a ≥ 0, elastic energy less w π a²."""
+        """Return U at contact radii a ≥ 0, the elastic energy minus w π a²."""
         y = self._y(contact_radius)
         return 4 * self.pull_off_force * self.rest_overlap * y ** (4 / 3) * (1.2 * y**2 - 2 * y + 0.5)
 
     def contact_radius(self, overlap: ArrayLike) -> Floats:
-        """Return the radius a at overlaps δ, on the branch that is stable at a given distance.
+        """Return the contact radius a at overlaps δ, on the branch that is stable at a given distance.
 
-        Newton's method for 3s⁴ − 2s = δ/δ0, s = √(a/a0), from above the larger root, to which it falls.
+        Newton's method solves 3s⁴ − 2s = δ/δ0 for s = √(a/a0), starting above the larger root and descending to it.
 
         Raises ValueError below −9·6^{−4/3} δ0, where there is no contact.
         """
@@ -121,7 +121,7 @@ class Contact:
     # --- touching and parting ---
 
     def pull_off_distance(self, parting: Parting = "distance") -> float:
-        """Return how far beyond overlap 0 the contact ends."""
+        """Return the distance beyond overlap 0 at which the contact ends."""
         return -float(self.overlap(self._radius_at(_known(parting))))
 
     def loss(self, parting: Parting = "distance") -> float:
@@ -130,7 +130,7 @@ class Contact:
         return float(end - start)
 
     def sticking_speed(self, mass: float, parting: Parting = "distance") -> float:
-        """Return v_s = √(2W/m) of the relative velocity, below which bodies of the reduced mass m stay together."""
+        """Return the relative velocity v_s = √(2W/m) below which bodies of reduced mass m stick."""
         if not mass > 0:
             raise TheoryError(f"mass must be positive, not {mass}")
         return sqrt(2 * self.loss(parting) / mass)

@@ -1,10 +1,10 @@
-"""Reflection |r| of quiet ends over wave number and thickness, per mode: theory as lines, runs of a sweep as marks.
+"""Reflection |r| of quiet ends over wave number and thickness, for each mode: theory as lines, runs as marks.
 
     granular-analysis quiet SWEEP... [-o FILE]
 
-A line is |r| of the layer that is best for one wave alone (`granular_lmp.crystal.quiet_ends`). A run is one of a driven
-row; its layer was chosen for the free wave at 2Ω too, and may reflect the wave itself more. A ring is theory for the
-layer and the time step of a run, the dot what LAMMPS does. Theory is the one by which the package chooses its layers.
+A line is |r| of the layer that is best for one wave alone (`granular_lmp.crystal.quiet_ends`). A run has a driven row;
+its layer was chosen for the free wave at 2Ω too, and may reflect the wave itself more. A ring is theory for the layer
+and the time step of a run, a dot is LAMMPS. Theory is the one with which the package chooses its layers.
 """
 
 from collections.abc import Sequence
@@ -29,22 +29,22 @@ from granular_lmp.runs.record import Record, Scene
 THICKNESSES = (5, 10, 20, 40)
 WAVENUMBERS = tuple(np.linspace(0.2, 2.9, 28).tolist())
 _TITLES = {"L": "longitudinal", "TR": "transverse-rotational", "RT": "rotational-transverse"}
-_NEAR = 6  # rows beside the source and the layer, in which waves decay that are not the one
-_LATE = 0.75  # share of a run, in which the front must have run to the layer and back
+_NEAR = 6  # rows left out next to the source and the layer, in which other waves decay
+_LATE = 0.75  # share of a run that is left out, in which the front must run to the layer and back
 
 
 def incident(scene: Scene) -> Mode:
-    """Return the wave of the lattice that a row sends out which is driven with the time step of a scene."""
+    """Return the wave that the driven row of a scene sends out, with the time step of the scene."""
     return waves_at_ends(scene, scene.time.step)[0]
 
 
 def expected(scene: Scene) -> float:
-    """Return |r| of the quiet end of a driven scene for its wave, by the linear lattice with the step of the run.
+    """Return |r| of the quiet end of a driven scene for its wave, from the linear lattice with the step of the run.
 
     Raises
     ------
     ValueError
-        If the scene is not one of a driven row before a quiet end.
+        Unless the scene has a driven row before a quiet end.
     """
     end = quiet_end_of(scene)
     if end is None or not scene.form.driven:
@@ -55,10 +55,10 @@ def expected(scene: Scene) -> float:
 def measured(record: Record) -> float:
     """Return |r| of the quiet end of a driven run, by least squares.
 
-    Rows of the last quarter of the run are cos and sin in time at Ω, and in space A e^{iξn} + B e^{−iξn}; |r| is the
-    smaller of the two amplitudes over the larger, as the crests of RT run against its energy. ξ is fitted, because the
-    amplitude shifts it. Good values: a ramp of ten periods, and a run of which two thirds are enough for the ramp and
-    for the way to the layer and back.
+    The motion of the rows in the last quarter of the run is fitted with cos and sin at Ω in time, and A e^{iξn} + B
+    e^{−iξn} in space. |r| is the smaller of the two amplitudes over the larger, as the crests of RT run against its
+    energy. ξ is fitted too, because it depends on the amplitude. Good values: a ramp of ten periods, and ramp and way
+    to the layer and back within two thirds of the run.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def measured(record: Record) -> float:
     late = tau > _LATE * scene.time.duration
     rows = np.arange(_NEAR, scene.shape.rows - 1 - int(scene.absorb.rows) - _NEAR)
     if late.sum() < 20 or len(rows) < 8:
-        raise ValueError(f"{record.folder}: {late.sum()} late snapshots of {len(rows)} rows: must be 20 of 8")
+        raise ValueError(f"{record.folder}: {late.sum()} late snapshots of {len(rows)} rows: must be 20 of 8 or more")
     along = int(scene.require_wave().mode == "L")
     field = snapshots.stack("displacement")[late][:, :: scene.shape.columns, along][:, rows]
     phase = mode_of(scene).frequency * tau[late]
@@ -89,14 +89,14 @@ def measured(record: Record) -> float:
 
 
 def best(sphere: Sphere, name: str, rows: int, wavenumbers: Sequence[float]) -> list[float]:
-    """Return |r| of the best layer of a thickness for each wave of a mode along y, alone."""
+    """Return |r| of the best layer of a given thickness for each wave of a mode along y by itself."""
     lattice = unit_lattice(sphere)
     modes = [bloch_mode(lattice, sphere, WaveVector.of(xi), name, FULL) for xi in wavenumbers]
     return [quiet_end(lattice, sphere, [mode], 0.5, rows).reflection for mode in modes]
 
 
 def table(runs: Sequence[Record]) -> str:
-    """Return a line for each run: its mode, wave number and rows, |r| by theory and in LAMMPS; and how they differ."""
+    """Return a line for each run: mode, wave number, rows, |r| in theory and in LAMMPS; and the median difference."""
     if not runs:
         raise ValueError("no run is finished; there is nothing to draw")
     both = np.array([(expected(run.scene), measured(run)) for run in runs])
@@ -110,7 +110,7 @@ def table(runs: Sequence[Record]) -> str:
 
 
 def draw(runs: Sequence[Record], wavenumbers: Sequence[float] = WAVENUMBERS) -> Figure:
-    """Return the figure of runs over theory for their spheres."""
+    """Return the figure of runs, and of theory for their spheres."""
     sphere = runs[0].scene.sphere
     drawing = page(3.4)
     panels = drawing.subplots(1, len(MODES), sharey=True)

@@ -1,32 +1,36 @@
-"""A plane solitary wave in a hexagonal sheet of spheres that just touch, and what an interface makes of it.
+"""Refraction of a plane solitary wave at an interface in a hexagonal sheet of spheres that just touch.
 
-**The sheet is a chain.** A front along y, across the rows, moves all spheres of a row alike. Each touches two of the
-next row at 30° from y, and two of its own row that it does not press. Rows are therefore the spheres of a chain with
+**The sheet is a chain.** A front along y, across the rows, moves all spheres of a row alike. Each sphere touches two
+spheres of the next row at 30° from y, and two of its own row, which it does not press. So the rows act as the spheres
+of a chain with
 
     A_rows = 2 cos(30°)^{5/2} A,   V = (√3/2) · 0.9074701 (A_rows/m)^{2/5} v^{1/5}   in diameters
 
-and the exact wave of `cases.solitary.travelling`. Fronts of other directions φ have V = C(φ) v^{1/5} with a C
-of their own, up to 3.5 % more along a row of contacts (`cases.refraction.plane_front`).
+and with the exact wave of `cases.solitary.travelling`. Fronts in other directions φ have V = C(φ) v^{1/5}, with C up to
+3.5 % larger along a row of contacts (`cases.refraction.plane_front`).
 
-**The law of angles.** Beyond a straight interface spheres have the mass M in place of 1. Fronts keep their trace along
-it, so that between their ways and the normal of the interface
+**The law of angles.** Beyond a straight interface spheres have the mass M instead of 1. All fronts have the same
+trace speed along the interface; with θ the angle between the direction of a front and the normal of the interface,
 
     sin θ_t / sin θ_i = V_t/V_i = M^{-2/5} (v_t/v_i)^{1/5} C(φ_t)/C(φ_i)
     sin θ_r / sin θ_i = V_r/V_i = (v_r/v_i)^{1/5} C(φ_r)/C(φ_i)
 
-where v is the largest velocity along the front's own way, and φ_i = 90°, φ_t = 90° + θ_i − θ_t, φ_r = 270° + θ_i + θ_r
-from a row of contacts: the front comes across the rows, and the interface is turned by θ_i against them.
+where v is the largest velocity along the front's own direction, and φ_i = 90°, φ_t = 90° + θ_i − θ_t,
+φ_r = 270° + θ_i + θ_r from a row of contacts: the front comes across the rows, and the interface is turned by θ_i
+against them.
 
-**Quasi-particles.** The energy of a wave is that of a particle of some spheres' mass with the velocity v. At normal
-incidence the particles 1 and M collide elastically: v_t = 2/(1 + M), v_r = (M − 1)/(M + 1) of v_i, and energy passes by
-the share 4M/(1 + M)². Heavy spheres before light ones, M < 1, follow the wave and send others after it; then there is
-no v_r. At an angle we let the same share pass, into a front that is narrower by cos θ_t / cos θ_i:
+**Quasi-particles.** A wave has the energy of a particle with velocity v and the mass of some spheres. At normal
+incidence particles of masses 1 and M collide elastically: v_t = 2/(1 + M) v_i, v_r = (M − 1)/(M + 1) v_i, and the share
+4M/(1 + M)² of the energy passes. Heavy spheres in front of light ones, M < 1, follow the wave and send more waves after
+it; then there is no v_r. At an angle we assume that the same share passes, into a front that is narrower by
+cos θ_t / cos θ_i:
 
     M v_t² cos θ_t = 4M/(1 + M)² v_i² cos θ_i,   v_r² cos θ_r = (M − 1)²/(M + 1)² v_i² cos θ_i
 
 Published: A. M. Tichler, L. R. Gomez, N. Upadhyaya, X. Campman, V. F. Nesterenko & V. Vitelli, Phys. Rev. Lett. 111,
-048001 (2013), arXiv:1303.5890. Its abstract was read: particles of an effective mass that keep energy and momentum, and
-the law of angles below a critical one. Its own extension to angles was not, so that the last line above is ours.
+048001 (2013), arXiv:1303.5890. Its abstract was read: particles of an effective mass that conserve energy and momentum,
+and the law of angles below a critical angle. The paper's extension to angles was not read, so the last line above is
+our own.
 """
 
 from dataclasses import dataclass
@@ -46,7 +50,7 @@ class Refracted:
 
     Attributes
     ----------
-    transmitted, reflected : angles θ_t and θ_r, degrees from the normal; θ_r is nan where nothing is reflected.
+    transmitted, reflected : angles θ_t and θ_r, degrees from the normal; θ_r is nan without a reflected front.
     height, height_back : v_t/v_i and v_r/v_i.
     """
 
@@ -57,20 +61,20 @@ class Refracted:
 
 
 def faster(incidence: float, found: float, *, reflected: bool = False) -> float:
-    """Return C(φ)/C(φ_i) of a front at an angle from the normal over the incoming one's, both in degrees."""
+    """Return C(φ)/C(φ_i) for a front at an angle `found` from the normal; both angles in degrees."""
     direction = 270.0 + incidence + found if reflected else 90.0 + incidence - found
     return scaled_speed(direction) / scaled_speed(90.0)
 
 
 def angle(incidence: float, mass: float, height: float, *, reflected: bool = False) -> float:
-    """Return the angle by the law of angles, degrees, of a front in spheres of mass M; nan beyond the critical angle.
+    """Return the angle (degrees) of a front in spheres of mass M by the law of angles; nan beyond the critical angle.
 
     Parameters
     ----------
     incidence : θ_i, degrees.
     mass : M; 1 for a reflected front.
     height : v_t/v_i, or v_r/v_i.
-    reflected : True for a front that comes back.
+    reflected : True for a reflected front.
     """
     if incidence == 0:
         return 0.0
@@ -87,7 +91,7 @@ def quasi_particle(mass: float, incidence: float = 0.0) -> Refracted:
 
     Parameters
     ----------
-    mass : M of a sphere beyond the interface, over that of one before, from 0.1 to 10.
+    mass : M, mass of a sphere beyond the interface over that of a sphere before it, from 0.1 to 10.
     incidence : θ_i, degrees, at least 0 and below 90.
 
     Raises ValueError for other values, and beyond the critical angle.
@@ -104,7 +108,7 @@ def quasi_particle(mass: float, incidence: float = 0.0) -> Refracted:
 
 
 def _front(mass: float, incidence: float, share: float, *, reflected: bool) -> tuple[float, float]:
-    """Return θ, degrees, and v/v_i of the front that obeys the law of angles and has v² cos θ = share cos θ_i."""
+    """Return θ (degrees) and v/v_i of the front that obeys the law of angles and v² cos θ = share v_i² cos θ_i."""
     start = np.radians(incidence)
     if incidence == 0:
         return 0.0, float(np.sqrt(share))
@@ -117,7 +121,7 @@ def _front(mass: float, incidence: float, share: float, *, reflected: bool) -> t
     def excess(theta: float) -> float:
         return height(theta) ** 2 * float(np.cos(theta)) - share * float(np.cos(start))
 
-    # It grows from θ = 0 and falls to 90°
+    # The excess rises from θ = 0 and falls towards 90°
     highest = float(minimize_scalar(lambda theta: -excess(theta), bounds=(0.0, np.pi / 2), method="bounded").x)
     if excess(highest) < 0:
         raise ValueError(f"an incidence of {incidence:g} degrees is beyond the critical angle of the mass {mass:g}")

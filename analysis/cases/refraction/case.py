@@ -1,11 +1,11 @@
-"""A plane front of an impact at an interface of two hexagonal crystals: the law of angles, and what passes.
+"""Plane front of an impact at an interface of two hexagonal crystals: angles and heights of the fronts after it.
 
     granular-analysis refraction RUN [RUN ...] [-o FILE]
 
-RUN is a run folder of the shipped ``refraction`` with any angle of its interface and density beyond it. Left: angles of
-the transmitted (full) and the reflected (open) front over the incidence; lines are the rule of quasi-particles with the
-law of angles, `cases.refraction.angles`. Right: heights at normal incidence in a chain, exact and by
-the rule, and those of the runs. A line for each run is printed.
+RUN is a run folder of the shipped ``refraction``, with any angle of the interface and any density beyond it. Left:
+angles of the transmitted (full) and the reflected (open) front over the incidence; lines are the rule of
+quasi-particles with the law of angles, `cases.refraction.angles`. Right: heights at normal incidence: in a chain, exact
+and by the rule, and in the runs. The table has a line for each run.
 """
 
 from collections.abc import Sequence
@@ -28,10 +28,10 @@ ANGLES = np.linspace(0.0, 60.0, 121)
 
 
 def measured(record: Record) -> tuple[float, FrontsAtInterface]:
-    """Return the mass beyond the interface, over that before it, and the fronts.
+    """Return the mass of a sphere beyond the interface over that before it, and the fronts.
 
-    Raises ValueError if the scene is not a sheet whose first row strikes and whose one inclusion is a half-plane of
-    another density, or too few spheres are recorded there.
+    Raises ValueError unless the scene is a sheet whose first row strikes, with a half-plane of another density as its
+    only inclusion, and if too few spheres near the interface are recorded.
     """
     scene, sites = record.scene, Sites.of(record.scene)
     beyond = scene.inclusion[0] if len(scene.inclusion) == 1 else None
@@ -52,7 +52,7 @@ def measured(record: Record) -> tuple[float, FrontsAtInterface]:
     row, column, incidence = beyond.half_plane
     places, seen = sites.place, recorded(scene)
     corner = places[(sites.row == row) & (sites.column == column)][0]
-    # The line in the middle of the sheet, where no wave from its ends has come
+    # Middle of the sheet, which waves from the ends of the interface have not reached
     across = places[:, 0].mean() - corner[0]
     middle = corner + across * np.array([1.0, np.tan(np.radians(incidence))])
     mass = beyond.density / scene.sphere.density
@@ -61,7 +61,7 @@ def measured(record: Record) -> tuple[float, FrontsAtInterface]:
 
 
 def draw(runs: Sequence[tuple[float, FrontsAtInterface]]) -> Figure:
-    """Return the panels: angles over incidence, heights over the mass."""
+    """Return the figure: angles over incidence, and heights over the mass."""
     figure = page(3.5)
     angles, heights = figure.subplots(1, 2)
     for number, mass in enumerate(sorted({mass for mass, _ in runs})):
@@ -93,7 +93,7 @@ def draw(runs: Sequence[tuple[float, FrontsAtInterface]]) -> Figure:
 
 
 def _angles(axes: Axes, runs: Sequence[FrontsAtInterface], mass: float, colour: str) -> None:
-    """Draw the angles of the runs of one mass, and the rule as far as it goes."""
+    """Draw the angles of the runs with one mass, and the rule up to the critical angle."""
     rule = []
     for incidence in ANGLES:
         try:
@@ -109,7 +109,7 @@ def _angles(axes: Axes, runs: Sequence[FrontsAtInterface], mass: float, colour: 
 
 
 def table(runs: Sequence[tuple[float, FrontsAtInterface]]) -> str:
-    """Return a line for each run: angles measured, by the law with the measured heights, by the rule; heights."""
+    """Return a line for each run: measured angles, angles by the law and by the rule, heights."""
     lines = [
         f"{'mass':>6}{'angle':>7}{'beyond':>8}{'law':>7}{'rule':>7}{'v/vi':>8}{'rule':>7}{'back':>8}{'law':>7}{'v/vi':>8}"
     ]
@@ -131,7 +131,7 @@ def table(runs: Sequence[tuple[float, FrontsAtInterface]]) -> str:
 
 
 def measure(records: Sequence[Record]) -> list[tuple[float, FrontsAtInterface]]:
-    """Return what the runs have."""
+    """Return the mass ratio and the fronts of each run."""
     return [measured(record) for record in records]
 
 

@@ -1,14 +1,14 @@
-"""Any wave on a periodic sheet to second order beside the snapshots of a run: beams, packets, standing waves.
+"""Any wave on a periodic sheet to second order, compared with the snapshots of a run: beams, packets, standing waves.
 
     granular-analysis sheets RUN [-o FILE]
 
-The run holds snapshots of all spheres (``output.particles``). The first is taken as the initial field, all of it first
-order, and `granular_analysis.theory.cell` predicts the later ones, y = y1 + a y2, in LAMMPS's contact geometry and with
-the time step of the run: the second order of a run is seen in its difference to y1, next to which the phase error of
+RUN has snapshots of all spheres (``output.particles``). The first snapshot is the initial field, which counts as first
+order. `granular_analysis.theory.cell` predicts the later ones, y = y1 + a y2, in LAMMPS's contact geometry and with the
+time step of the run: the second order of the run is its difference from y1, and compared with that the phase error of
 velocity Verlet is not small.
 
-run − y1 holds the third order too, whose part at the fundamental is a drift of its phase, a²τ; hence the split by wave
-number, around multiples of the strongest wave vector k. A field without one (noise) is predicted all the same.
+run − y1 also contains third order, which at the fundamental is a drift of the phase, a²τ. So fields are split by wave
+number, around multiples of the strongest wave vector k. A field without such a k (noise) is predicted all the same.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ HELD = HOLDS["second-order"] - WALLS - {NO_SHEAR, NO_ROTATION} | {STANDING, ENVE
 
 
 def carrier(sheet: Sheet, field: Floats, rate: Floats) -> Floats:
-    """Return the wave vector (2,) of the strongest wave in an initial field, in the first zone, upwards (ky > 0)."""
+    """Return the wave vector (2,) of the strongest wave in an initial field, in the first zone, with ky > 0."""
     power = sum(np.sum(np.abs(sheet.waves(part)) ** 2, axis=-1) for part in (field, rate))
     images = _images(sheet.wavevectors[np.unravel_index(np.argmax(power), power.shape)])
     found = np.round(images[np.argmin(np.round(np.linalg.norm(images, axis=1), 9))], 12)  # a zero may be 1e-17
@@ -45,7 +45,7 @@ def carrier(sheet: Sheet, field: Floats, rate: Floats) -> Floats:
 
 
 def _images(wavevectors: Floats) -> Floats:
-    """Wave vectors (..., 9, 2) that differ from these (..., 2) by a reciprocal lattice vector, with the shortest."""
+    """Return nine equivalents (..., 9, 2) of wave vectors (..., 2), among them the shortest."""
     apart = wavevectors @ np.linalg.inv(RECIPROCAL)
     around = np.indices((3, 3)).reshape(2, -1).T - 1
     return ((apart - np.round(apart))[..., None, :] + around) @ RECIPROCAL
@@ -53,7 +53,7 @@ def _images(wavevectors: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Snapshots of a run and the theory of them, fields (T, N, 3) of (u, v, Rθ) in D0; second is a y2."""
+    """Snapshots of a run, and their prediction: fields (T, N, 3) of (u, v, Rθ) in D0; `second` is a y2."""
 
     sheet: Sheet
     amplitude: float
@@ -65,11 +65,11 @@ class Comparison:
 
     @property
     def beyond(self) -> Floats:
-        """The part of the run that is not linear, run − y1: its second order, and all higher ones."""
+        """Return the nonlinear part of the run, run − y1: second and all higher orders."""
         return self.run - self.linear
 
     def around(self, field: Floats, *multiples: int) -> Floats:
-        """Return what a field has at wave vectors nearer to ±mk, m of the multiples, than with other m of 0 to 3."""
+        """Return the part of a field at wave vectors whose nearest ±mk, among m = 0 to 3, has m in `multiples`."""
         centres = [[m * self.wavevector, -m * self.wavevector] for m in range(4)]
         images = _images(self.sheet.wavevectors[None, None] - np.array(centres)[:, :, None, None])
         nearest = np.argmin(np.round(np.linalg.norm(images, axis=-1).min(axis=(1, -1)), 9), axis=0)
@@ -77,10 +77,10 @@ class Comparison:
 
 
 def compare(record: Record) -> Comparison:
-    """Predict the snapshots of a run from the first.
+    """Return the snapshots of a run with their prediction from the first.
 
-    Raises ValueError for a run that the theory does not hold (`refuse`), or whose snapshots do not tell all of the
-    field; `GranularError` where there are none.
+    Raises ValueError for a run that the theory leaves out (`refuse`), and for snapshots that lack a part of the field;
+    `GranularError` without snapshots.
     """
     refuse(record)
     particles = record.snapshots()
@@ -92,7 +92,7 @@ def compare(record: Record) -> Comparison:
         raise ValueError("the angles are not in the snapshots; run with effects.tracking = true")
     sheet = Sheet(shape.rows, shape.columns)
     if not np.allclose(rest_of(particles), sheet.rest, rtol=0, atol=1e-6):
-        raise ValueError("the spheres at rest are not where this theory has them, row by row")
+        raise ValueError("the places of the spheres at rest are not those of the hexagonal sheet of this theory")
     first, tau = first_snapshot(record), particles.tau
     start = (fields[0] * first.length).ravel(), (rate * first.length / first.time).ravel()
     since, step = (tau - tau[0]) * first.time, particles.step * first.time
@@ -103,19 +103,19 @@ def compare(record: Record) -> Comparison:
 
 
 def refuse(record: Record) -> None:
-    """ValueError for a run whose lattice or contacts are not those of the theory, which names them."""
+    """Raise ValueError with the names of the traits of a run that the theory leaves out."""
     if left_out := sorted(traits_of(record) - HELD):
-        raise ValueError(f"{', '.join(left_out)}: the theory of sheets leaves that out")
+        raise ValueError(f"the theory of sheets leaves out {', '.join(left_out)}")
 
 
 def relative(estimate: Floats, reference: Floats, axis: tuple[int, ...] | None = None) -> Floats:
-    """‖estimate − reference‖/‖reference‖ over the axes, nan where the reference is zero."""
+    """Return ‖estimate − reference‖/‖reference‖ over the axes; nan if the reference is zero."""
     off, norm = (np.sqrt(np.sum(part**2, axis=axis)) for part in (estimate - reference, reference))
     return np.divide(off, norm, out=np.full_like(norm, np.nan), where=norm > 0)
 
 
 def table(c: Comparison) -> str:
-    """Errors of first and second order, and the second-order field by wave number, over all spheres and snapshots."""
+    """Return errors of first and second order, and the second-order field by wave number, over all snapshots."""
     lines = [
         f"{c.sheet.rows} rows x {c.sheet.columns} columns, a = {c.amplitude:g}, {len(c.tau)} snapshots to tau = "
         f"{c.tau[-1]:g}, carrier k = ({c.wavevector[0]:.4g}, {c.wavevector[1]:.4g}) per lattice constant",
@@ -134,7 +134,7 @@ def table(c: Comparison) -> str:
 
 
 def draw(c: Comparison, snapshot: int = -1) -> Figure:
-    """Draw y1, run − y1 and a y2 at a snapshot, of the component largest in theory; below, the errors over time."""
+    """Return the figure: y1, run − y1 and a y2 at a snapshot, for the largest component; below, errors over time."""
     fields = [in_frame(f[snapshot], c.wavevector) for f in (c.linear, c.beyond, c.second)]
     first, second = (int(np.argmax(np.linalg.norm(fields[which], axis=0))) for which in (0, 2))
     scales = np.abs(fields[0][:, first]).max(), np.abs([f[:, second] for f in fields[1:]]).max()
@@ -160,18 +160,18 @@ def draw(c: Comparison, snapshot: int = -1) -> Figure:
     panels[0].set_ylabel("row")
     axes = below.subplots()
     for label, style, theory, run in (
-        ("of the run: $y_1$", "k:", c.linear, c.run),
-        ("of the run: $y_1 + a y_2$", "k--", c.linear + c.second, c.run),
-        ("of run − $y_1$: $a y_2$", "C0-", c.second, c.beyond),
-        ("the same, around 0 and 2k", "C1-.", c.around(c.second, 0, 2), c.around(c.beyond, 0, 2)),
+        ("$y_1$ against run", "k:", c.linear, c.run),
+        ("$y_1 + a y_2$ against run", "k--", c.linear + c.second, c.run),
+        ("$a y_2$ against run − $y_1$", "C0-", c.second, c.beyond),
+        ("the same, near 0 and 2k only", "C1-.", c.around(c.second, 0, 2), c.around(c.beyond, 0, 2)),
     ):
         axes.semilogy(c.tau[1:], relative(theory, run, (1, 2))[1:], style, label=label)
     axes.axvline(c.tau[snapshot], color="grey", linewidth=0.8)
-    axes.set(xlabel=r"time $\tau$ (grey: that of the maps)", ylabel="relative error")
+    axes.set(xlabel=r"time $\tau$ (grey: time of the maps)", ylabel="relative error")
     below.legend(loc="outside right center")
     k = f"k = ({c.wavevector[0]:.3g}, {c.wavevector[1]:.3g}) per lattice constant"
     above.suptitle(rf"LAMMPS and theory, $a = D_0/\Delta_0$ = {c.amplitude:g}, {k}, $\tau$ = {c.tau[snapshot]:g}")
     return figure
 
 
-main = script(__name__, compare, table, draw, ("run", "with snapshots of all spheres"), figure="pulse.png")
+main = script(__name__, compare, table, draw, ("run", "run with snapshots of all spheres"), figure="pulse.png")

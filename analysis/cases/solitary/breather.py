@@ -1,17 +1,17 @@
-"""Discrete breathers of a compressed chain: periodic motions that stay where they are, in the gap of the linear bands.
+"""Discrete breathers of a compressed chain: localised periodic motions with frequencies in the gap of the linear bands.
 
 A breather that starts at rest, v(0) = 0, is at rest again after half its period, v(T/2) = 0. Newton's method solves
-this for u(0), with derivatives by a complex step, which are exact to rounding. The motion is that of
-`chain_motion.SIXTH`: the stepped chain is periodic to rounding, the exact one to 1e-6 of the overlap at rest, with 48
-steps to half a period.
+this for u(0), with derivatives by a complex step, which are exact to rounding. `chain_motion.SIXTH` integrates the
+motion: with 48 steps in half a period, the stepped chain is periodic to rounding, the exact chain to 1e-6 of the
+overlap at rest.
 
-The interaction softens, so breathers come from the bottom ω₂ of the optical band of a diatomic chain down into the gap
-ω₁ < ω < ω₂ (`chain.bands`). G. Theocharis et al., Phys. Rev. E 82, 056604 (2010), find two families: centred on a heavy
-sphere, symmetric, unstable; and centred on a light one, asymmetric, stable or nearly so.
+The interaction softens, so breathers of a diatomic chain bifurcate from the bottom ω₂ of the optical band down into the
+gap ω₁ < ω < ω₂ (`chain.bands`). G. Theocharis et al., Phys. Rev. E 82, 056604 (2010), find two families: one centred on
+a heavy sphere, symmetric, unstable; one centred on a light sphere, asymmetric, stable or nearly so.
 
-Good values: 40 or more spheres; ends that are free and loaded, since between held ends the expansion of the breather
-compresses the chain; heavy end spheres, as light ones have surface modes in the gap. Frequencies of 0.6 to 0.95 ω₂.
-Starts, in overlaps d at rest: 0.9 on a light sphere and −0.25 on both neighbours; or −0.9 and 0.9 on the light
+Good values: 40 or more spheres; free and loaded ends, because between held ends the expansion of the breather
+compresses the chain; heavy end spheres, as light ones have surface modes in the gap; frequencies of 0.6 to 0.95 ω₂.
+Guesses, in overlaps d at rest: 0.9 on a light sphere and −0.25 on both neighbours; or −0.9 and 0.9 on the light
 neighbours of a heavy sphere. Follow a family in steps of 5 %. A Newton step for 43 spheres takes 0.02 s.
 
 Breaks near ω₂, where the breather is wider than the chain, and near ω₁.
@@ -22,20 +22,20 @@ import numpy as np
 from cases.solitary.chain import Chain, Floats
 from cases.solitary.chain_motion import SIXTH, march
 
-TINY = 1e-30  # size of a complex step; its square is lost in the rounding of any motion
-ENOUGH = 1e-12  # change of a Newton step, relative to the largest displacement
-MOST = 20  # Newton steps; it takes 4 to 8
+TINY = 1e-30  # size of a complex step; its square is far below the rounding of any motion
+ENOUGH = 1e-12  # change, relative to the largest displacement, at which Newton's method ends
+MOST = 20  # largest number of Newton steps; 4 to 8 are typical
 
 
 def breather(chain: Chain, frequency: float, guess: Floats, steps: int = 48) -> Floats:
-    """Return the displacements (n,) from which a chain at rest moves with the period 2π/ω.
+    """Return the displacements (n,) from which a chain, starting at rest, moves with the period 2π/ω.
 
     Parameters
     ----------
-    chain : compressed, with free or held ends.
-    frequency : ω.
-    guess : (n,) displacements, large enough: Newton's method also finds the chain at rest.
-    steps : to half a period.
+    chain : compressed chain with free or held ends.
+    frequency : ω, rad per unit of time.
+    guess : (n,) displacements; with a small guess Newton's method finds the chain at rest.
+    steps : time steps in half a period.
 
     Raises ValueError for a chain that is not compressed, RuntimeError if Newton's method does not converge or leads to
     the chain at rest.
@@ -49,7 +49,7 @@ def breather(chain: Chain, frequency: float, guess: Floats, steps: int = 48) -> 
     for _ in range(MOST):
         v, slope = _half_period(chain, u, np.pi / frequency / steps, steps)
         change = np.zeros_like(u)
-        # A chain with free ends may lie anywhere: of all solutions, the least squares take the smallest change
+        # The place of a chain with free ends is arbitrary; least squares take the solution with the smallest change
         change[free] = np.linalg.lstsq(slope[np.ix_(free, free)], v[free], rcond=1e-9)[0]
         u -= change
         if not np.max(np.abs(change)) < 100 * size:
@@ -57,17 +57,17 @@ def breather(chain: Chain, frequency: float, guess: Floats, steps: int = 48) -> 
         if np.max(np.abs(change)) < ENOUGH * size:
             if np.ptp(u) < 1e-6 * size:
                 raise RuntimeError(
-                    f"at frequency {frequency:.6g} the guess leads to the chain at rest: take a larger one"
+                    f"at frequency {frequency:.6g} the guess leads to the chain at rest: use a larger guess"
                 )
             return u
     raise RuntimeError(f"no breather of frequency {frequency:.6g} from this guess: start nearer to a known one")
 
 
 def multipliers(chain: Chain, u: Floats, frequency: float, steps: int = 48) -> Floats:
-    """Return the moduli (2k,) of the Floquet multipliers of a breather, the largest first; k spheres are not held.
+    """Return the moduli (2k,) of the Floquet multipliers of a breather, descending, for k spheres that are not held.
 
-    A small disturbance grows by at most the largest in each period. They come in pairs λ, 1/λ; all are 1 for a stable
-    breather, those of free motion of the whole chain and of time to the root of the rounding, 1e-6.
+    A small disturbance grows in each period by at most the largest. Multipliers come in pairs λ, 1/λ; all are 1 for a
+    stable breather. Those of translations of the chain and of time are 1 only to the root of rounding, 1e-6.
     """
     free = np.flatnonzero(np.isfinite(chain.mass))
     count, moved = len(free), np.arange(len(free))
@@ -81,7 +81,7 @@ def multipliers(chain: Chain, u: Floats, frequency: float, steps: int = 48) -> F
 
 
 def _half_period(chain: Chain, u: Floats, step: float, steps: int) -> tuple[Floats, Floats]:
-    """Return the velocities (n,) after half a period and their derivatives (n, n) by the displacements at the start."""
+    """Return the velocities (n,) after half a period, and their derivatives (n, n) by the initial displacements."""
     us = u + TINY * 1j * np.eye(len(u))
     _, (vs,) = march(chain, us, np.zeros_like(us), step, steps, SIXTH)
     return vs[0].real, vs.imag.T / TINY

@@ -1,14 +1,14 @@
-"""The solitary wave of a chain of spheres: its shape, its speed from sonic vacuum to sound, and what an impurity does.
+"""Solitary wave of a chain of spheres: its shape, its speed from sonic vacuum to sound, and impurities.
 
     granular-analysis solitary RUN... [-o FILE]
 
-Left: the overlap of touching spheres, exact and by the long-wave theory. Middle: the speed over the largest overlap
-when the chain is compressed, with the KdV soliton and the long-wave theory. Right: the shares of the energy beyond and
-before an impurity of another mass.
+Left: overlap of touching spheres, exact and in the long-wave theory. Middle: speed over largest overlap in a compressed
+chain, with the KdV soliton and the long-wave theory. Right: shares of the energy beyond and before an impurity of
+another mass.
 
-RUN is a run folder of an impact on a chain of equal spheres that is pressed together, of which two neighbours and two
-others farther on are recorded. The crests of their overlaps give a point of the middle panel; it is hollow where the
-crest still changes on its way by more than `STEADY`, so that the front is not a solitary wave yet.
+RUN is a run folder of an impact on a compressed chain of equal spheres, in which two neighbours and another two farther
+on are recorded. The crests of their overlaps give a point of the middle panel. The point is open if the crest still
+changes between the two places by more than `STEADY`, so that the front is not yet a solitary wave.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,14 +28,14 @@ from cases.strikes import recorded, require, rest_overlap
 from granular_analysis.plotting import legend_above, letter, page
 from granular_lmp.runs.record import Record
 
-STEADY = 1e-3  # relative
+STEADY = 1e-3  # largest relative change of the crest of a solitary wave between the two places
 RATIOS = 1 + np.geomspace(1e-3, 9.0, 25)  # V/c
 MASSES = np.geomspace(1 / 8, 27.0, 23)
 
 
 @dataclass(frozen=True)
 class Front:
-    """Front of a struck chain: its crests at two contacts, above the overlap at rest and in units of it, and V/c."""
+    """Front of a struck chain: its crests at two contacts, above the overlap at rest and in units of it; and V/c."""
 
     first: float
     second: float
@@ -43,15 +43,15 @@ class Front:
 
     @property
     def steady(self) -> bool:
-        """True if the crest is the same at both."""
+        """True if the crest is equal at both contacts, within `STEADY`."""
         return isclose(self.first, self.second, rel_tol=STEADY)
 
 
 def front(record: Record) -> Front:
     """Return the front in the record of a struck chain.
 
-    Raises ValueError if nothing presses the chain together, its spheres differ, or others than two pairs of neighbours
-    are recorded.
+    Raises ValueError if the chain is not compressed, if its spheres differ, or if the recorded spheres are not two
+    pairs of neighbours.
     """
     scene = record.scene
     rows = recorded(scene)
@@ -59,14 +59,14 @@ def front(record: Record) -> Front:
         raise ValueError(f"{scene.name}: must be a chain of equal spheres with packing.contact_force above 0")
     require(record, "packing.contact_force")
     if len(rows) != 4 or rows[1] - rows[0] != 1 or rows[3] - rows[2] != 1:
-        raise ValueError(f"{scene.name}: rows {rows.tolist()} are recorded: must be two neighbours, and two others")
+        raise ValueError(f"{scene.name}: rows {rows.tolist()} are recorded: must be two pairs of neighbours")
     rest, u = rest_overlap(scene), record.displacement[..., 1]
     (one, begin), (other, end) = (peak(record.tau, u[:, at] - u[:, at + 1]) for at in (0, 2))
     return Front(one / rest, other / rest, (rows[2] - rows[0]) / (end - begin) / sound(1.0, 1.0, rest))
 
 
 def table(fronts: Mapping[str, Front]) -> str:
-    """Return a line for each run: its crests at both places, and its speed."""
+    """Return a line for each run: crests at both places, and speed."""
     lines = [f"{'run':12}{'crest':>10}{'farther on':>12}{'V/c - 1':>12}"]
     lines += [f"{name:12}{each.first:10.5f}{each.second:12.5f}{each.speed - 1:12.6f}" for name, each in fronts.items()]
     return "\n".join(lines)

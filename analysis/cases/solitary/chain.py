@@ -1,20 +1,21 @@
-"""A chain of spheres that press on each other by Hertz's law, along one line and without LAMMPS.
+"""Chain of spheres with Hertz contacts along one line, without LAMMPS.
 
     m_i u_i'' = f_i − f_{i+1} + P_i,   f_j = A_j δ_j^{3/2} + η_j δ_j^{1/4} δ_j',   δ_j = (d_j + u_{j−1} − u_j)₊
 
-Sphere i lies between the contacts i and i + 1. The contacts 0 and n are those with walls at rest, u_{−1} = u_n = 0; an
-end without a wall has A = 0. A held sphere has infinite mass. The overlap at rest d_j is negative for a gap, and P_i is
-the constant load that keeps the chain at rest at u = 0: the force F0 on free ends, none on spheres that just touch.
-There is no adhesion, friction or rotation. States have the shape (…, n): many chains move side by side.
+Sphere i lies between the contacts i and i + 1. The contacts 0 and n are with walls at rest, u_{−1} = u_n = 0; an end
+without a wall has A = 0. A held sphere has infinite mass. The overlap at rest d_j is negative for a gap. P_i is the
+constant load that keeps the chain at rest at u = 0: the force F0 on free ends, zero on spheres that just touch. There
+is no adhesion, friction or rotation. States have the shape (…, n), so many chains move in parallel.
 
-The dashpots η_j = √5 ζ √(μ_j A_j), ζ = −ln e/√(π² + ln² e), 1/μ = 1/m + 1/m', let two spheres that meet part with e
-times their relative velocity, whatever it is (LAMMPS's ``coeff_restitution``). A contact pulls before it ends: at
-δ → 0 the dashpot outweighs the repulsion.
+The dashpots η_j = √5 ζ √(μ_j A_j), ζ = −ln e/√(π² + ln² e), 1/μ = 1/m + 1/m', make two spheres that collide at any
+relative velocity separate with e times that velocity (LAMMPS's ``coeff_restitution``). A contact attracts before it
+ends: at δ → 0 the dashpot exceeds the repulsion.
 
-Forces are differences of those at rest: motions of 1e-10 of the overlap have six digits, and weaker ones fewer.
+Forces are computed as differences from those at rest: motions of 1e-10 of the overlap have six digits, weaker ones
+fewer.
 
 Units are any consistent ones; with A = m = 1 a velocity v gives overlaps of v^{4/5} and times of v^{−1/5}.
-`cases.solitary.chain_motion` integrates.
+`cases.solitary.chain_motion` integrates the motion.
 """
 
 from collections.abc import Sequence
@@ -37,11 +38,11 @@ class Chain:
     Attributes
     ----------
     mass : (n,), positive; infinite for a held sphere.
-    stiffness : (n + 1,) A_j, not negative; 0 where there is no contact.
-    overlap : (n + 1,) d_j at rest, where all u are 0; negative for a gap.
-    restitution : e of a collision at each contact, in (0, 1]; 1: no dashpots.
+    stiffness : (n + 1,) A_j, not negative; 0 without a contact.
+    overlap : (n + 1,) d_j at rest (u = 0); negative for a gap.
+    restitution : e of a collision at each contact, in (0, 1]; 1 means no dashpots.
 
-    Raises ValueError for shapes that do not fit and for values that are out of range.
+    Raises ValueError for shapes that do not fit and for values out of range.
     """
 
     mass: Floats
@@ -159,14 +160,14 @@ def spheres(
 
 
 def overlaps(chain: Chain, u: Array) -> Array:
-    """Return the overlaps δ_j (…, n + 1), negative for gaps; those of an end without a wall have no meaning."""
+    """Return the overlaps δ_j (…, n + 1), negative for gaps; the value at an end without a wall has no meaning."""
     result = rates(u)
     result += chain.overlap
     return result
 
 
 def rates(u: Array) -> Array:
-    """Return the rates of the overlaps δ_j' (…, n + 1) of velocities; of displacements, what they add, δ_j − d_j."""
+    """Return u_{j−1} − u_j (…, n + 1): for velocities the rates δ_j', for displacements the changes δ_j − d_j."""
     result = np.empty((*u.shape[:-1], u.shape[-1] + 1), dtype=u.dtype)
     result[..., 0] = -u[..., 0]
     np.subtract(u[..., :-1], u[..., 1:], out=result[..., 1:-1])
@@ -185,7 +186,7 @@ def forces(chain: Chain, u: Array) -> Array:
 
 
 def dashpot_forces(chain: Chain, u: Array, v: Array) -> Array:
-    """Return the forces of the dashpots η_j δ_j^{1/4} δ_j' (…, n + 1); negative ones pull."""
+    """Return the forces of the dashpots η_j δ_j^{1/4} δ_j' (…, n + 1); negative forces attract."""
     result: Array = chain.dashpot * np.sqrt(np.sqrt(np.maximum(overlaps(chain, u), 0.0))) * rates(v)
     return result
 
@@ -193,7 +194,7 @@ def dashpot_forces(chain: Chain, u: Array, v: Array) -> Array:
 def acceleration(chain: Chain, u: Array, v: Array | None = None) -> Array:
     """Return the accelerations (…, n).
 
-    Raises ValueError for a chain with dashpots if the velocities are not given.
+    Raises ValueError for a chain with dashpots without velocities.
     """
     force = forces(chain, u)
     if chain.damped:
@@ -207,15 +208,14 @@ def acceleration(chain: Chain, u: Array, v: Array | None = None) -> Array:
 
 
 def energies(chain: Chain, u: Floats, v: Floats) -> Floats:
-    """Return the energy of each sphere (…, n) above rest: m v²/2 and half of each of its contacts.
+    """Return the energy of each sphere (…, n) above rest: m v²/2 plus half of the energy V_j of each of its contacts.
 
         V_j = (2/5) A (δ₊^{5/2} − d₊^{5/2}) − A d₊^{3/2} (δ − d)
             = A (y − z)² (2y³ + 4y²z + 6yz² + 3z³)/5 + A z³ (−δ)₊,   y = √δ₊, z = √d₊
 
-    The term in δ − d is the share of the loads, so that the sum over all spheres is the energy of the chain, which is
-    conserved without dashpots.
-    The second line keeps all digits of small motions. A contact with a wall or a held sphere counts in full for the one
-    sphere that moves.
+    The term in δ − d is the work of the loads, so the sum over all spheres is the energy of the chain, which is
+    conserved without dashpots. The second line keeps all digits of small motions. A contact with a wall or a held
+    sphere counts in full for the sphere that moves.
     """
     now, rest = overlaps(chain, u), np.maximum(chain.overlap, 0.0)
     pressed = np.maximum(now, 0.0)
@@ -241,7 +241,7 @@ def bands(masses: tuple[float, float], stiffness: float) -> tuple[float, float, 
 
     Parameters
     ----------
-    masses : of the two spheres of a cell, in either order.
+    masses : masses of the two spheres of a cell, in either order.
     stiffness : K = (3/2) A^{2/3} F0^{1/3} of every contact; `linear_stiffness` gives it.
 
     Between ω₁ and ω₂ no wave propagates. Source: L. Brillouin, Wave Propagation in Periodic Structures.
@@ -255,13 +255,13 @@ def bands(masses: tuple[float, float], stiffness: float) -> tuple[float, float, 
 
 
 def linear_stiffness(chain: Chain) -> Floats:
-    """Return K_j = (3/2) A_j √d_j (n + 1,) of each contact at rest; 0 where it only touches."""
+    """Return the stiffness K_j = (3/2) A_j √d_j (n + 1,) of each contact at rest; 0 if the spheres only touch."""
     result: Floats = 1.5 * chain.stiffness * np.sqrt(np.maximum(chain.overlap, 0.0))
     return result
 
 
 def normal_modes(chain: Chain) -> tuple[Floats, Floats]:
-    """Return the frequencies (k,) and shapes (k, n) of small vibrations about rest, k spheres that are not held.
+    """Return the frequencies (k,) and shapes (k, n) of small vibrations about rest, for k spheres that are not held.
 
     The shapes are normalised to Σ m u² = 1. Contacts that only touch have no stiffness, and give frequencies of 0.
 

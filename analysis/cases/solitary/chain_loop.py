@@ -1,4 +1,4 @@
-"""The slope of `cases.solitary.chain_motion` in one call of `granular_analysis.theory.loops`.
+"""Right-hand side for `cases.solitary.chain_motion`, in one call of `granular_analysis.theory.loops`.
 
 The formulas are those of `chain.acceleration`, which is the reference.
 """
@@ -22,9 +22,9 @@ class _Chain(ctypes.Structure):
 
 
 def chain_slope(chain: Chain, length: float, speed: float) -> loops.Slope | None:
-    """Return the slope of displacements and velocities (2, n) in units of a length and a speed, in times of both.
+    """Return the time derivative of displacements and velocities (2, n), as a function, in units of length and speed.
 
-    It is None without the loops.
+    The unit of time is length/speed. Returns None without the compiled loops.
     """
     loop = loops.library()
     if loop is None:

@@ -1,6 +1,6 @@
-"""Motion of a chain of spheres: symplectic steps of two orders, and DOP853.
+"""Motion of a chain of spheres: symplectic schemes of two orders, and DOP853.
 
-A symplectic scheme is a composition of velocity Verlet, a step h replaced by steps γ_i h:
+A symplectic scheme is a composition of velocity Verlet, in which steps γ_i h replace a step h:
 
 | scheme | forces per step | order, smooth motion | order, contacts close or open |
 |---|---|---|---|
@@ -8,16 +8,16 @@ A symplectic scheme is a composition of velocity Verlet, a step h replaced by st
 | VERLET, dashpots | 1 | 1 | 1 |
 | SIXTH | 9 | 6 | 5/2 |
 
-With dashpots VERLET is LAMMPS's scheme, which takes their forces at the velocities of half a step ago, and SIXTH is
-refused.
+With dashpots VERLET is LAMMPS's scheme, which computes their forces with the velocities of half a step earlier; SIXTH
+is refused.
 
-A contact closes or opens anywhere in a step, where its force t₊^{3/2} is not smooth; each such event leaves an error of
+A contact closes or opens within a step, where its force t₊^{3/2} is not smooth; each such event leaves an error of
 h^{5/2} with any scheme of fixed step. DOP853 shortens its steps there. A solitary wave in equal spheres that just touch
-has no such event: its overlap comes and goes faster than any power.
+has no such event: its overlap rises and falls faster than any power.
 
-Good values: a step of `collision_time` / 80 for VERLET (1.4e-4 of the velocities after 12 collision times), / 20 for
-SIXTH (3e-6), rtol = 1e-10 for DOP853 (2e-8). An evaluation of all forces takes half a µs of processor time for a
-hundred spheres, 10 µs without a compiler or with dashpots.
+Good values: a step of `collision_time` / 80 for VERLET (error 1.4e-4 of the velocities after 12 collision times), / 20
+for SIXTH (3e-6), rtol = 1e-10 for DOP853 (2e-8). An evaluation of all forces takes half a µs of processor time for a
+hundred spheres, or 10 µs without a compiler or with dashpots.
 """
 
 from math import gamma, pi, sqrt
@@ -35,11 +35,11 @@ VERLET: Scheme = (1.0,)
 # W. Kahan & R.-C. Li, Mathematics of Computation 66, 1089 (1997), nine steps; their order 6 is measured in a test
 _OUTER = (0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981, 0.08221359629355080023)
 SIXTH: Scheme = (*_OUTER, 1 - 2 * sum(_OUTER), *reversed(_OUTER))
-AROUND = 4  # samples on each side of the highest, through which its peak is found
+AROUND = 4  # samples on each side of the highest one, for the polynomial at a peak
 
 
 def collision_time(stiffness: float, mass: float, velocity: float) -> float:
-    """Return the time that two equal spheres of mass m touch which meet with the relative velocity v.
+    """Return the contact time of two equal spheres of mass m that collide with the relative velocity v.
 
         T = (4√π/5) Γ(2/5)/Γ(9/10) (5μ/4A)^{2/5} v^{−1/5} = 3.2181 (μ²/(A² v))^{1/5},  μ = m/2
 
@@ -53,16 +53,16 @@ def collision_time(stiffness: float, mass: float, velocity: float) -> float:
 def march(
     chain: Chain, u: Array, v: Array, step: float, steps: int, scheme: Scheme = VERLET, every: int | None = None
 ) -> tuple[Array, Array]:
-    """Return the displacements and the velocities (T, …, n) after each `every` of the steps; after the last if None.
+    """Return displacements and velocities (T, …, n) after every `every` steps; only after the last if None.
 
     Parameters
     ----------
-    u, v : (…, n) at the start, not changed; complex ones carry derivatives.
-    step : in units of time; negative runs backward.
-    steps : how many; `every` must divide it.
+    u, v : (…, n) displacements and velocities at the start, not changed; complex numbers carry derivatives.
+    step : time step; negative to run backward.
+    steps : number of steps, a multiple of `every`.
 
-    Raises ValueError if it does not, and for a chain with dashpots in any scheme but VERLET or backward; RuntimeError
-    for velocities that overflow.
+    Raises ValueError for another number of steps, and for a chain with dashpots with any scheme but VERLET or backward;
+    RuntimeError for velocities that overflow.
     """
     every = every or steps
     if steps < 1 or steps % every:
@@ -87,7 +87,7 @@ def march(
 
 
 def _march(chain: Chain, u: Array, v: Array, halves: Array, every: int, us: Array, vs: Array) -> None:
-    """Write displacements and velocities after each `every` of the steps, see `march`; u and v are changed."""
+    """Write displacements and velocities after every `every` steps, see `march`; u and v are changed."""
     pull = acceleration(chain, u, v)
     for number in range(len(us)):
         for half in [*halves] * every:
@@ -103,11 +103,11 @@ def integrate(chain: Chain, u: Floats, v: Floats, times: ArrayLike, rtol: float 
 
     Parameters
     ----------
-    u, v : (n,) at time 0.
-    rtol : error of a step relative to the largest overlap and velocity that the energy can make, root mean square over
+    u, v : (n,) displacements and velocities at time 0.
+    rtol : error of a step, relative to the largest overlap and velocity that the energy allows, root mean square over
         the spheres.
 
-    Raises ValueError if nothing moves, or no spheres touch each other or a wall.
+    Raises ValueError if nothing moves, or if no sphere touches another or a wall.
     """
     if not chain.stiffness.any():
         raise ValueError("the chain has no contact: its spheres fly freely")
@@ -130,11 +130,11 @@ def integrate(chain: Chain, u: Floats, v: Floats, times: ArrayLike, rtol: float 
 
 
 def peak(times: ArrayLike, values: ArrayLike) -> tuple[float, float]:
-    """Return the height and the time of the highest value, by the polynomial through 2·`AROUND` + 1 samples there.
+    """Return height and time of the highest value, from the polynomial through 2·`AROUND` + 1 samples around it.
 
-    For a solitary wave in samples of 0.1 of its `collision_time` both are good to 3e-6, of 0.03 to 1e-10.
+    For a solitary wave sampled at 0.1 of its `collision_time` both are right to 3e-6, at 0.03 to 1e-10.
 
-    Raises ValueError where the highest sample is too near to an end.
+    Raises ValueError if the highest sample is too near to an end.
     """
     times, values = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     top = int(np.argmax(values))
@@ -150,11 +150,11 @@ def peak(times: ArrayLike, values: ArrayLike) -> tuple[float, float]:
 
 
 def first_peak(times: ArrayLike, values: ArrayLike, least: float) -> tuple[float, float]:
-    """Return the height and the time of the crest of the first pulse that is higher than `least`, as `peak` does.
+    """Return height and time of the crest of the first pulse higher than `least`, by the method of `peak`.
 
-    A pulse ends where it has fallen to half of its height, so that it may have two tops.
+    A pulse ends where it has fallen to half of its height; until then it may have two maxima.
 
-    Raises ValueError if no pulse has ended, or its crest is too near to an end.
+    Raises ValueError if no pulse has ended, or if its crest is too near to an end.
     """
     times, values = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     highest = np.maximum.accumulate(values)

@@ -1,12 +1,12 @@
-"""A solitary wave meets another one, a wall, an impurity or an interface, among spheres that just touch.
+"""Scattering of a solitary wave by another one, a wall, an impurity or an interface, for spheres that just touch.
 
-The waves start as exact ones (`cases.solitary.travelling`), so that nothing else moves, and run by
-`chain_motion.SIXTH`. Shares are of the energy of the incoming wave. No unit enters: every wave of such spheres is one
-wave but for its scale.
+The waves start as exact solutions (`cases.solitary.travelling`), so no other motion starts with them, and
+`chain_motion.SIXTH` integrates. Shares are relative to the energy of the incoming wave. Units do not matter, because
+all solitary waves of such spheres are the same up to scale.
 
-Published, of which the abstracts were read: waves that collide are ahead of where they would be alone, and leave
-secondary waves, stronger ones where they meet at a contact than at a sphere (F. Santibanez et al., arXiv:1102.3364;
-S. Zhang et al., arXiv:2310.19356); a light impurity vibrates, and gaps open beside it (S. Job et al., arXiv:0901.3532).
+Published (the abstracts were read): waves that have collided are ahead of waves that have not, and leave secondary
+waves, which are stronger if they meet at a contact than at a sphere (F. Santibanez et al., arXiv:1102.3364; S. Zhang et
+al., arXiv:2310.19356). A light impurity vibrates, and gaps open next to it (S. Job et al., arXiv:0901.3532).
 """
 
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ from cases.solitary.chain_motion import SIXTH, first_peak, march, peak
 from cases.solitary.travelling import solitary_wave
 
 WAVE = solitary_wave(1.0)
-STEP = 0.05  # share of the time in which the wave moves by one sphere; the shares of energy are good to 2e-6
-HALF = 15  # spheres to each side of a crest that hold all of a wave; it starts so far from the end
-AWAY = 30, 45  # spheres away from an event, where waves are measured: those of different speed have parted there
-DURATION = 105.0  # a run with an impurity: 45 to it, and until the reflected wave is back at the end
-PASSED = 20  # spheres from an interface, where the first waves are measured
-WEAKEST = 0.01  # share of the incoming velocity: a lower crest is no wave of its own
-NEAR = 5  # spheres on each side that count as the place of an impurity
+STEP = 0.05  # time step, over the time in which the wave moves by one sphere; shares of energy are right to 2e-6
+HALF = 15  # spheres on each side of a crest that contain the whole wave; it starts this far from the end
+AWAY = 30, 45  # distances from an event, in spheres, at which waves are measured: different waves are separate there
+DURATION = 105.0  # of a run with an impurity: 45 to reach it, and the way of the reflected wave back to the end
+PASSED = 20  # spheres from an interface at which the first waves are measured
+WEAKEST = 0.01  # share of the incoming velocity below which a crest is not a wave of its own
+NEAR = 5  # spheres on each side of an impurity whose energy counts as kept
 Meeting = Literal["contact", "sphere"]
 
 
@@ -36,9 +36,9 @@ class Crossing:
 
     Attributes
     ----------
-    lead : by how many spheres either wave is ahead of one that met no other.
-    velocity : its largest velocity over that before.
-    secondary : share of the energy that it has left to secondary waves and other motion.
+    lead : distance, in spheres, by which each wave is ahead of a wave that did not collide.
+    velocity : largest velocity of a wave over that before the collision.
+    secondary : share of its energy that is left in secondary waves and other motion.
     """
 
     lead: float
@@ -47,9 +47,10 @@ class Crossing:
 
 
 def crossing(meeting: Meeting) -> Crossing:
-    """Return what follows when two equal waves meet at a contact, or at a sphere.
+    """Return the waves after two equal waves have met at a contact, or at a sphere.
 
-    By symmetry it is also what follows at a rigid plane, A = 2√2 times that of two spheres, and at a held sphere.
+    By symmetry this also is the reflection at a rigid plane, with A = 2√2 times that of two spheres, and at a held
+    sphere.
 
     Raises ValueError for another meeting.
     """
@@ -67,7 +68,7 @@ def crossing(meeting: Meeting) -> Crossing:
     (_, first), (high, second) = (peak(times[late], -vs[late, count - away]) for away in AWAY)
     speed = (AWAY[1] - AWAY[0]) / (second - first)
     distance = HALF + way - (count - AWAY[1] + 0.5)
-    # Back along its line to the mirror, where the wave alone would be at the time `way`
+    # Extrapolated back to the mirror, at which a wave without a collision would be at the time `way`
     lead = way - (second - distance / speed)
     shares = energies(chain, us[-1], vs[-1]) / energies(chain, u, v).sum()
     crest = int(np.argmin(vs[-1]))
@@ -77,12 +78,12 @@ def crossing(meeting: Meeting) -> Crossing:
 
 @dataclass(frozen=True)
 class Scattered:
-    """A wave after an impurity, at the time DURATION − 45 after it came there.
+    """A wave after an impurity, at the time DURATION − 45 after its arrival there.
 
     Attributes
     ----------
-    transmitted, reflected, kept : shares of the energy beyond it, before it, and within NEAR spheres of it.
-    velocity : largest velocity of the first transmitted wave over that of the incoming one.
+    transmitted, reflected, kept : shares of the energy beyond the impurity, before it, and within NEAR spheres of it.
+    velocity : largest velocity of the first transmitted wave over that of the incoming wave.
     """
 
     transmitted: float
@@ -92,14 +93,14 @@ class Scattered:
 
 
 def impurity(mass: float) -> Scattered:
-    """Return what an impurity, with contacts of the same A, makes of a solitary wave.
+    """Return the waves after a solitary wave has met an impurity with contacts of the same A.
 
     Parameters
     ----------
-    mass : of the impurity, over that of the other spheres, from 0.1 to 30: what passes a heavier one is too slow to be
-        measured in the time of a run.
+    mass : mass of the impurity over that of the other spheres, from 0.1 to 30. A wave that passes a heavier one is too
+        slow to be measured in the time of a run.
 
-    What `kept` holds leaks away in time.
+    Raises ValueError for another mass. The energy `kept` leaks away with time.
     """
     if not 0.1 <= mass <= 30:
         raise ValueError(f"mass must be from 0.1 to 30 times that of a sphere, not {mass:g}")
@@ -129,10 +130,10 @@ class Interface:
 
     Attributes
     ----------
-    transmitted, reflected : shares of the energy beyond and before it.
-    momentum : that of all spheres beyond, over that of the incoming wave; what is before has the rest.
-    velocity : largest velocity of the first transmitted wave over that of the incoming one.
-    velocity_back : that of the first reflected wave; 0 if there is none.
+    transmitted, reflected : shares of the energy beyond and before the interface.
+    momentum : momentum of all spheres beyond over that of the incoming wave; the spheres before have the rest.
+    velocity : largest velocity of the first transmitted wave over that of the incoming wave.
+    velocity_back : the same for the first reflected wave; 0 if there is none.
     """
 
     transmitted: float
@@ -144,22 +145,21 @@ class Interface:
 
 @cache
 def interface(mass: float) -> Interface:
-    """Return what follows when a solitary wave comes to spheres of another mass, with contacts of the same A.
+    """Return the waves after a solitary wave has met spheres of another mass with contacts of the same A.
 
-    Spheres of density and modulus of their own have another A; equal spheres of another density have this one. Heavier
-    spheres take one wave, and throw one back. Into lighter ones the last sphere before them sends one wave after the
-    other, and nothing comes back.
+    Spheres of the same size and modulus but another density have the same A. Heavier spheres transmit one wave and
+    reflect one. Into lighter spheres the last sphere before them sends a series of waves, and no wave is reflected.
 
     Parameters
     ----------
-    mass : of a sphere beyond, over that of one before, from 0.1 to 10.
+    mass : mass of a sphere beyond the interface over that of a sphere before it, from 0.1 to 10.
 
     Raises ValueError for another mass.
     """
     if not 0.1 <= mass <= 10:
         raise ValueError(f"mass must be from 0.1 to 10 times that of a sphere before the interface, not {mass:g}")
     place = HALF + AWAY[1]
-    # The first wave moves by PASSED spheres and its own length, and a light sphere lets it come farther
+    # The first wave moves by PASSED spheres and its own length, and farther in light spheres
     slowest = mass**-0.4 * (2 / (1 + mass)) ** 0.2
     duration = AWAY[1] + HALF + 1.5 * PASSED / min(slowest, 0.7)
     count = place + round(duration * max(slowest, 1.0))
@@ -182,7 +182,7 @@ def interface(mass: float) -> Interface:
 
 
 def _mirror(count: int, meeting: Meeting) -> Chain:
-    """Return the left half of a symmetric chain: a sphere on a plane is half of two, and overlaps by half of theirs."""
+    """Return the left half of a symmetric chain; a sphere on the plane of symmetry has half the overlap of two."""
     equal = uniform(count)
     masses, contacts = equal.mass.copy(), equal.stiffness.copy()
     if meeting == "contact":

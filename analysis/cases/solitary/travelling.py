@@ -1,25 +1,27 @@
-"""The solitary wave of a chain of equal spheres, from the exact equation of the travelling wave.
+"""Solitary wave of a chain of equal spheres, from the exact equation of the travelling wave.
 
-A wave of speed V (spheres per unit of time) has the overlaps δ_n(t) = δ0 + r(s), s = n − V t, of the contacts between
-the spheres n − 1 and n. Newton's law of two neighbours gives an equation with advance and delay,
+In a wave of speed V (spheres per unit of time) the contact between the spheres n − 1 and n has the overlap
+δ_n(t) = δ0 + r(s), s = n − V t. Newton's law for two neighbours gives an equation with advance and delay,
 
     m V² r''(s) = A [g(s + 1) − 2 g(s) + g(s − 1)],   g = (δ0 + r)^{3/2} − δ0^{3/2},
 
-which in Fourier space is a fixed point, with Λ(k) = [sin(k/2)/(k/2)]² and the speed of sound c² = (3A/2m) √δ0:
+which in Fourier space is a fixed-point equation, with Λ(k) = [sin(k/2)/(k/2)]² and the speed of sound
+c² = (3A/2m) √δ0:
 
     (V² − c² Λ) r̂ = (A/m) Λ N̂,   N = g − (3/2) √δ0 r = (√(δ0 + r) − √δ0)² (√(δ0 + r) + √δ0/2)
 
-It is solved by Petviashvili's iteration. The velocity of sphere n is w(n − V t + 1/2), ŵ = (A/mV) [sin(k/2)/(k/2)] ĝ.
+Petviashvili's iteration solves it. The velocity of sphere n is w(n − V t + 1/2), ŵ = (A/mV) [sin(k/2)/(k/2)] ĝ.
 
-Spheres that just touch (δ0 = 0) have one wave up to its scale:
+Spheres that just touch (δ0 = 0) have a single wave up to scale:
 
     V = 0.9074701 (A/m)^{2/5} v^{1/5} = 0.9055158 (A/m)^{1/2} δ^{1/4}
 
-with its largest velocity v and overlap δ; the long-wave theory of Nesterenko has 0.9146 and 0.8944. Compressed spheres
-have one for each V > c, from the KdV soliton, V/c = 1 + δ/(12 δ0), to the former.
+with its largest velocity v and overlap δ; the long-wave theory of Nesterenko has the factors 0.9146 and 0.8944.
+Compressed spheres have a wave for each V > c, from the KdV soliton, V/c = 1 + δ/(12 δ0), to the wave of touching
+spheres.
 
-Good values: V/c from 1.001 to 100. Beyond, take δ0 = 0; nearer to 1 the wave is over 200 spheres long, and KdV gives V
-to 2e-6. Does not hold unequal spheres, tension, adhesion or damping.
+Good values: V/c from 1.001 to 100. For larger V/c use δ0 = 0; nearer to 1 the wave is longer than 200 spheres, and KdV
+gives V to 2e-6. Unequal spheres, tension, adhesion and damping are left out.
 
 Sources: V. F. Nesterenko, Dynamics of Heterogeneous Materials (2001), chapter 1; J. M. English & R. L. Pego, Proc. Am.
 Math. Soc. 133, 1763 (2005), for the fixed point. The numbers are measured here.
@@ -32,25 +34,25 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
-PER_SPHERE = 16  # samples in a distance of one sphere; 8 give the wave of touching spheres to 1e-15
-NARROWEST = 6.0  # half of the period: the wave of touching spheres has fallen to 1e-20 there
-GAMMA = 2.5  # Petviashvili's exponent p/(p − 1) is 2 for the quadratic N of sound, 3 for the power 3/2: both converge
-ENOUGH = 1e-13  # change of an iteration, relative
-MOST = 400  # iterations; it takes 60 to 100
+PER_SPHERE = 16  # samples per sphere; 8 give the wave of touching spheres to 1e-15
+NARROWEST = 6.0  # least half period, at which the wave of touching spheres has fallen to 1e-20
+GAMMA = 2.5  # Petviashvili's exponent p/(p − 1) is 2 for the quadratic N of sound, 3 for the power 3/2; 2.5 converges
+ENOUGH = 1e-13  # relative change at which the iteration ends
+MOST = 400  # largest number of iterations; 60 to 100 are typical
 SLOWEST, FASTEST = 1.001, 100.0  # V/c
 
 
 @dataclass(frozen=True, eq=False)
 class SolitaryWave:
-    """A solitary wave at even places s of a period, s = 0 at its crest.
+    """A solitary wave at equally spaced places s of a period; its crest is at s = 0.
 
     Attributes
     ----------
-    speed : V in spheres per unit of time.
-    rest : δ0.
+    speed : V, spheres per unit of time.
+    rest : δ0, overlap at rest.
     place : (K,) s.
-    overlap : (K,) r(s), above that at rest.
-    velocity : (K,) w(s), crest at s = 0; sphere n has w(n − V t + 1/2) where contact n has r(n − V t).
+    overlap : (K,) r(s), overlap above that at rest.
+    velocity : (K,) w(s), with its crest at s = 0; sphere n has w(n − V t + 1/2) when contact n has r(n − V t).
     """
 
     speed: float
@@ -70,7 +72,7 @@ class SolitaryWave:
         return float(self.velocity.max())
 
     def at(self, places: ArrayLike) -> tuple[Floats, Floats]:
-        """Return r and w at any places s, by their Fourier series; zero beyond the period."""
+        """Return r and w at any places s, from their Fourier series; zero outside the period."""
         s = np.asarray(places, dtype=float)
         half = -self.place[0]
         orders = np.arange(self.place.size // 2 + 1)
@@ -84,9 +86,9 @@ class SolitaryWave:
         return r, w
 
     def start(self, count: int, crest: float) -> tuple[Floats, Floats]:
-        """Return displacements and velocities (n,) in a chain of `count` spheres with the crest at the contact `crest`.
+        """Return displacements and velocities (n,) of a chain of `count` spheres with the crest at the contact `crest`.
 
-        Contact j lies between the spheres j − 1 and j. The spheres ahead are at rest and not displaced.
+        Contact j lies between the spheres j − 1 and j. The spheres ahead are at rest, with displacement 0.
         """
         contacts = np.arange(1, count + 1) - crest
         r, _ = self.at(contacts)
@@ -99,9 +101,9 @@ def solitary_wave(speed: float, *, stiffness: float = 1.0, mass: float = 1.0, re
 
     Parameters
     ----------
-    speed : V, spheres per unit of time; with rest > 0 from 1.001 to 100 times the `sound` speed.
+    speed : V, spheres per unit of time; with rest > 0 from 1.001 to 100 times the speed of `sound`.
     stiffness, mass : A and m of the spheres.
-    rest : δ0, the overlap that the chain is compressed to, (F0/A)^{2/3}.
+    rest : δ0 = (F0/A)^{2/3}, overlap of the compressed chain at rest.
 
     Raises ValueError for other values, RuntimeError if the iteration does not converge.
     """
@@ -113,7 +115,7 @@ def solitary_wave(speed: float, *, stiffness: float = 1.0, mass: float = 1.0, re
     ratio = speed / sound(stiffness, mass, rest) if rest else np.inf
     if rest and not SLOWEST <= ratio <= FASTEST:
         raise ValueError(f"speed must be from {SLOWEST} to {FASTEST:g} times that of sound, not {ratio:.6g} times")
-    # In units of the largest overlap that the long-wave theory would have without compression
+    # Units from the largest overlap in the long-wave theory without compression
     unit = (mass * speed**2 / stiffness) ** 2
     place, overlap, velocity = _solved(rest / unit, ratio)
     return SolitaryWave(speed, rest, place, overlap * unit, velocity * (unit * speed))
@@ -125,15 +127,15 @@ def sound(stiffness: float, mass: float, rest: float) -> float:
 
 
 def long_wave_speed(crest: ArrayLike) -> Floats:
-    """Return V/c in the long-wave limit for the compression x = δ_max/δ0 > 1 at the crest.
+    """Return V/c in the long-wave theory for the relative overlap x = δ_max/δ0 > 1 at the crest.
 
         V²/c² = (4/15) [3 + 2 x^{5/2} − 5x]/(x − 1)²
 
-    It is exact for x → 1 and 1.2 % too low for x → ∞. Source: Nesterenko (2001), chapter 1.
+    The result is exact for x → 1 and 1.2 % too low for x → ∞. Source: Nesterenko (2001), chapter 1.
     """
     x = np.asarray(crest, dtype=float)
     if not np.all(x > 1):
-        raise ValueError(f"the crest must be compressed more than the rest: x > 1, not {x}")
+        raise ValueError(f"the overlap at the crest must exceed that at rest: x > 1, not {x}")
     y = np.sqrt(x)
     # (3 + 2y⁵ − 5y²)/(y² − 1)² without its double root at y = 1
     result: Floats = np.sqrt(4 / 15 * (2 * y**3 + 4 * y**2 + 6 * y + 3)) / (y + 1)
@@ -160,7 +162,7 @@ def _solved(rest: float, ratio: float) -> tuple[Floats, Floats, Floats]:
             change = _root_change(r, rest)
             force = change**2 * (change + 1.5 * root) + 1.5 * root * r
             return s, r, np.fft.irfft(box * np.fft.rfft(force), size)
-    raise RuntimeError(f"no solitary wave after {MOST} iterations, V/c = {ratio:.6g}: changes of {error:.1e} are left")
+    raise RuntimeError(f"no solitary wave after {MOST} iterations, V/c = {ratio:.6g}: the last change is {error:.1e}")
 
 
 def _root_change(r: Floats, rest: float) -> Floats:

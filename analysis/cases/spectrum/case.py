@@ -1,12 +1,12 @@
-"""The paper's figure 2 (b, c) by simulation: the generated wave over the wave number, measured in LAMMPS runs.
+"""The paper's figure 2 (b, c) by simulation: amplitude of the generated wave over wave number, measured in LAMMPS runs.
 
     granular-analysis spectrum SWEEP... [-o FILE]
 
-Each SWEEP is the folder of a sweep over mode and wave number (``granular-lmp sweep``), over two time steps h and h/2 as
-well if Richardson's extrapolation is wanted; ``make spectrum`` makes them. p(τ) of each run is fitted with the time
-functions of its wave (`cases.spectrum.points`); the amplitude is drawn over that of theory, with the deviation below.
-Resonance and antiresonance are located twice, by theory and by the runs alone. Runs of different spheres, contacts or
-amplitudes are refused: theory is one line.
+Each SWEEP is the folder of a sweep over mode and wave number (``granular-lmp sweep``), and over two time steps h and
+h/2 for Richardson's extrapolation; ``make spectrum`` makes them. p(τ) of each run is fitted with the time functions of
+its wave (`cases.spectrum.points`). The figure compares the amplitude with theory, and shows the deviation below.
+Resonance and antiresonance are located twice, by theory and by the runs alone. Runs with different spheres, contacts or
+amplitudes are refused, because theory is a single line.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,19 +32,19 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance
 from granular_lmp.runs.record import Record
 
-BOUND = 5e-3  # drawn: the median deviation is to stay below it
+BOUND = 5e-3  # line in the figure: the median deviation should stay below it
 Measured = tuple[Sequence[Point], Sequence[Record]]  # points of sweeps, and their runs, extrapolated
 TITLES = {"TR": "transverse-rotational", "RT": "rotational-transverse", "L": "longitudinal"}
 
 
 def refuse(records: Sequence[Record]) -> None:
-    """Raise ValueError for runs that are none of these, several amplitudes, and several contacts of one mode."""
+    """Raise ValueError for a run that `refusal` refuses, several amplitudes, or several contacts of one mode."""
     for record in records:
         if reason := refusal(record):
             raise ValueError(f"{record.folder}: {reason}")
     amplitudes = sorted({record.scene.amplitude for record in records})
     if len(amplitudes) > 1:
-        raise ValueError(f"wave.amplitude = {', '.join(f'{each:g}' for each in amplitudes)}: must be one for all runs")
+        raise ValueError(f"wave.amplitude = {', '.join(f'{each:g}' for each in amplitudes)}: must be equal in all runs")
     first: dict[str, tuple[Record, Contact]] = {}
     for record in records:
         here = wave_of(record).contact
@@ -54,12 +54,12 @@ def refuse(records: Sequence[Record]) -> None:
             if mine != its:
                 raise ValueError(
                     f"{record.folder}: {part.name} = {mine!r}, but {its!r} in {other.folder}; "
-                    "a figure takes the runs of one crystal"
+                    "all runs must have the same crystal"
                 )
 
 
 def table(found: Measured) -> str:
-    """Deviation from theory by mode, and both locations, of runs and theory."""
+    """Return the deviation from theory by mode, and the wave numbers of resonance and antiresonance."""
     points, records = found
     amplitude = records[0].scene.amplitude
     lines = [
@@ -96,12 +96,12 @@ def by_mode(points: Sequence[Point]) -> dict[str, list[Point]]:
 
 
 def _wave(records: Sequence[Record], name: str) -> Wave:
-    """Return the wave of the first run of a mode; L runs have other constants than TR, as no sphere turns in them."""
+    """Return the wave of the first run of a mode; L and TR have different constants, as L does not turn spheres."""
     return wave_of(next(record for record in records if record.scene.require_wave().mode == name))
 
 
 def draw(found: Measured) -> Figure:
-    """Draw the amplitude of each mode over the wave number, runs on theory; below, deviations and standard errors."""
+    """Return the figure: amplitude over wave number, of runs and theory; below, deviations and standard errors."""
     points, records = found
     families = by_mode(points)
     figure = page(5.0)
@@ -143,10 +143,10 @@ def _amplitudes(axes: Axes, points: Sequence[Point], colour: str) -> None:
 
 
 def measure(runs: Sequence[Record]) -> Measured:
-    """Return the points of runs, and the runs, pairs of steps extrapolated."""
+    """Return the points of runs, and the runs, with pairs of steps extrapolated."""
     refuse(runs)
     records = extrapolated(runs)
     return [point(record) for record in records], records
 
 
-main = script(__name__, measure, table, draw, ("sweeps", "over wave.mode, wave.wavenumber"))
+main = script(__name__, measure, table, draw, ("sweeps", "sweeps over wave.mode and wave.wavenumber"))

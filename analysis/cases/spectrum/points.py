@@ -1,11 +1,11 @@
-"""The amplitude of the generated wave, measured in LAMMPS runs over the wave number, and its zero and its pole.
+"""Amplitude of the generated wave, measured in LAMMPS runs over the wave number, with its zero and its pole.
 
 At 2ξ the lattice is one oscillator of frequency w̃, at rest at τ = 0 and driven by B sin 2Ωτ:
 
     p = B S(τ) + c cos w̃τ + s sin w̃τ (+ the fundamental, for L),    S'' + w̃²S = sin 2Ωτ,  S(0) = S'(0) = 0
 
-S stays regular, and apart from cos w̃τ and sin w̃τ, at the resonance, where sin 2Ωτ does not. The amplitude of the wave
-that runs with the fundamental is A = B/(w̃² − 4Ω²), with its sign; free waves of any size do not enter it.
+At the resonance S stays regular and independent of cos w̃τ and sin w̃τ, while sin 2Ωτ does not. The amplitude of the
+wave that runs with the fundamental is A = B/(w̃² − 4Ω²), with its sign; it does not depend on free waves.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -23,14 +23,14 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 HELD = HOLDS["second-order"] - {OBLIQUE}  # traits of a run that the closed form holds
-# Runs on which a location rests, and degree of the polynomial through them. A degree or two runs more or less move the
-# locations of `make spectrum` by less than 3e-6.
+# Number of runs in the fit of a location, and degree of the polynomial. A change of one degree or of two runs moves the
+# locations of `make spectrum` by less than 3e-6
 AROUND, DEGREE = 8, 4
 
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Ω of the fundamental and w̃ of free waves at 2ξ, rad per τ, with standard errors: 0 for those of a formula."""
+    """Ω of the fundamental and w̃ of free waves at 2ξ, rad per τ, with standard errors, 0 if from a formula."""
 
     fundamental: float
     free: float
@@ -39,20 +39,20 @@ class Frequencies:
 
     @property
     def detuning(self) -> float:
-        """w̃² − 4Ω², which vanishes at the resonance."""
+        """Return w̃² − 4Ω², which vanishes at the resonance."""
         return (self.free - 2 * self.fundamental) * (self.free + 2 * self.fundamental)
 
     @property
     def detuning_error(self) -> float:
-        """Standard error of it."""
+        """Return the standard error of the detuning."""
         return float(np.hypot(2 * self.free * self.free_error, 8 * self.fundamental * self.fundamental_error))
 
 
 @dataclass(frozen=True)
 class Point:
-    """A run: its wave, the generated amplitude in εD0 with its standard error, and that of theory, P̃1/2i.
+    """A run: its wave, its generated amplitude in εD0 with standard error, and the amplitude of theory, P̃1/2i.
 
-    amplitude is a = D0/Δ0 of the fundamental, which theory does not depend on in these units.
+    `amplitude` is a = D0/Δ0 of the fundamental; in these units theory does not depend on it.
     """
 
     mode: str
@@ -64,15 +64,15 @@ class Point:
 
     @property
     def deviation(self) -> float:
-        """Relative deviation of the measured from the predicted amplitude."""
+        """Return the relative deviation of the measured from the predicted amplitude."""
         return self.value / self.predicted - 1
 
 
 def least_squares_fit(columns: Sequence[Floats], signal: Floats) -> tuple[Floats, Floats, Floats]:
-    """Factors of the columns in a signal, their standard errors, and what is left of the signal.
+    """Return the factors of the columns in a signal, their standard errors, and the residual.
 
-    The errors are those of white noise. Breaks where what is left is not noise but other waves: they are then a measure
-    of it, no more.
+    The errors assume that the residual is white noise. If it consists of other waves, the errors only indicate its
+    size.
     """
     matrix = np.column_stack(columns)
     sizes = np.linalg.norm(matrix, axis=0)
@@ -84,7 +84,7 @@ def least_squares_fit(columns: Sequence[Floats], signal: Floats) -> tuple[Floats
 
 
 def response(tau: Floats, frequencies: Frequencies) -> Floats:
-    """S(τ) of the module's equation, regular at the resonance.
+    """Return S(τ) of the module's equation, regular at the resonance.
 
     S = [sin(w̃τ)/w̃ − τ cos(sτ) sin(dτ)/(dτ)]/2s,    s = Ω + w̃/2,  d = Ω − w̃/2
     """
@@ -99,21 +99,21 @@ def pair(frequency: float, tau: Floats) -> list[Floats]:
 
 
 def columns(record: Record, frequencies: Frequencies) -> list[Floats]:
-    """Return time functions of p: S, then the free waves; for L the fundamental and its slow drift, of order a²τ."""
+    """Return the time functions of p: S, the free waves, and for L the fundamental and its slow drift, of order a²τ."""
     fundamental = pair(frequencies.fundamental, record.tau) if record.scene.require_wave().mode == "L" else []
     drift = [record.tau * each for each in fundamental]
     return [response(record.tau, frequencies), *pair(frequencies.free, record.tau), *fundamental, *drift]
 
 
 def linear(wave: Wave) -> Frequencies:
-    """Both frequencies from the linear dispersion relation."""
+    """Return both frequencies from the linear dispersion relation."""
     return Frequencies(wave.mode.frequency, wave.free_frequency)
 
 
 def tuned(made: Callable[[float], list[Floats]], signal: Floats, start: float) -> tuple[float, float]:
-    """Frequency at which the columns made for it leave the least of a signal, near `start`, and its standard error.
+    """Return the frequency near `start` whose columns fit a signal best, and its standard error.
 
-    Breaks where the start is off by more than a phase of about π over the record.
+    Breaks if the phase of the start is off by more than about π over the record.
     """
     scaled = signal / np.sqrt(np.mean(signal**2))
     found = least_squares(lambda x: least_squares_fit(made(x[0]), scaled)[2], [start], method="lm", xtol=1e-12)
@@ -122,9 +122,9 @@ def tuned(made: Callable[[float], list[Floats]], signal: Floats, start: float) -
 
 
 def measured(record: Record, start: Frequencies) -> Frequencies:
-    """Both frequencies of a TR or RT run from the run itself: Ω from q(τ), then w̃ from p(τ).
+    """Return both frequencies of a TR or RT run, measured in the run: Ω from q(τ), then w̃ from p(τ).
 
-    Breaks where p is not the second harmonic, at the antiresonance: w̃ is then that of nothing.
+    Breaks at the antiresonance, where p is not the second harmonic and w̃ is meaningless.
     """
     fundamental, its_error = tuned(lambda frequency: pair(frequency, record.tau), record.q, start.fundamental)
 
@@ -136,7 +136,7 @@ def measured(record: Record, start: Frequencies) -> Frequencies:
 
 
 def point(record: Record) -> Point:
-    """Return the generated amplitude of a run, by the frequencies of the linear lattice."""
+    """Return the generated amplitude of a run, fitted with the frequencies of the linear lattice."""
     wave = wave_of(record)
     epsilon = nonlinearity(wave.contact, wave.amplitude)
     frequencies = linear(wave)
@@ -153,12 +153,12 @@ def point(record: Record) -> Point:
 
 
 def crossing(x: ArrayLike, y: ArrayLike, errors: ArrayLike) -> tuple[float, float]:
-    """Zero x of y(x), and its standard error: root of a polynomial fitted to the points around, weighted.
+    """Return the zero x of y(x) and its standard error: the root of a polynomial fitted, with weights, to near points.
 
-    Changes of sign away from which |y| falls are poles, and left out; of several others the one of smallest |y| is
-    taken. Where the points scatter about the polynomial by more than their errors, these are taken to be as large.
+    A change of sign where |y| is largest is a pole, and is skipped; of several zeros the one with the smallest |y| is
+    taken. If the points scatter about the polynomial by more than their errors, the errors are scaled up accordingly.
 
-    Raises ValueError where y does not change sign, or there are too few points.
+    Raises ValueError if y does not change sign, or if there are too few points.
     """
     x, y, errors = np.asarray(x, dtype=float), np.asarray(y, dtype=float), np.asarray(errors, dtype=float)
     if len(x) < AROUND:
@@ -183,16 +183,16 @@ def crossing(x: ArrayLike, y: ArrayLike, errors: ArrayLike) -> tuple[float, floa
 
 
 def locate_antiresonance(points: Iterable[Point]) -> tuple[float, float]:
-    """Wave number where the amplitude of TR changes sign through zero, and its standard error."""
+    """Return the wave number at which the amplitude of TR changes sign through zero, and its standard error."""
     tr = [(each.wavenumber, each.value, each.error) for each in points if each.mode == "TR"]
     return crossing(*np.reshape(tr, (-1, 3)).T)
 
 
 def locate_resonance(records: Iterable[Record]) -> tuple[float, float]:
-    """Wave number where one over the measured amplitude of TR changes sign through zero, and its standard error.
+    """Return the wave number at which 1/amplitude of TR changes sign through zero, and its standard error.
 
-    Of the runs around the one with the largest p; Ω and w̃ too are those of the runs, because the dispersion relation
-    would bring its own resonance with it. Raises ValueError as `crossing`, and without TR runs.
+    The fit takes the runs around the one with the largest p. Ω and w̃ are measured in the runs too, because the values
+    from the dispersion relation already contain its resonance. Raises ValueError as `crossing`, and without TR runs.
     """
     tr = sorted((r for r in records if r.scene.require_wave().mode == "TR"), key=lambda record: record.scene.wavenumber)
     loudest = int(np.argmax([np.mean(record.p**2) for record in tr]))
@@ -203,7 +203,7 @@ def locate_resonance(records: Iterable[Record]) -> tuple[float, float]:
 
 
 def _inverse(record: Record) -> tuple[float, float, float]:
-    """Wave number, (w̃² − 4Ω²)/B = 1/A in 1/D0, and the standard error of it."""
+    """Return the wave number, (w̃² − 4Ω²)/B = 1/A in 1/D0, and the standard error of 1/A."""
     frequencies = measured(record, linear(wave_of(record)))
     (drive, *_), (its_error, *_), _ = least_squares_fit(columns(record, frequencies), record.p)
     inverse = frequencies.detuning / drive
@@ -212,9 +212,9 @@ def _inverse(record: Record) -> tuple[float, float, float]:
 
 
 def extrapolated(records: Iterable[Record]) -> list[Record]:
-    """One record a wave: of two runs with steps h and h/2, (4·fine − coarse)/3; of one run, that run.
+    """Return a record for each wave: (4·fine − coarse)/3 for two runs with steps h/2 and h, otherwise the single run.
 
-    Raises ValueError for other runs of one wave (`cases.pairs.by_wave`).
+    Raises ValueError for runs of one wave that are not such a pair (`cases.pairs.by_wave`).
     """
     return [_one(*runs) for runs in by_wave(records)]
 
@@ -227,10 +227,10 @@ def _one(fine: Record, coarse: Record | None = None) -> Record:
 
 
 def refusal(record: Record) -> str | None:
-    """Return the reason why a run is not one of the spectrum's, or None."""
+    """Return the reason why a run is refused, or None."""
     if record.scene.require_wave().phase:
-        return f"wave.phase = {record.scene.require_wave().phase!r}: the amplitude has its sign at phase 0 only"
+        return f"wave.phase = {record.scene.require_wave().phase!r}: must be 0, for the sign of the amplitude"
     left_out = sorted(traits_of(record) - HELD)
     if OBLIQUE in left_out:
-        return "its wave is not along y, as those of the closed form are; granular-analysis oblique takes it"
+        return "the wave must run along y, as in the closed form; granular-analysis oblique takes other directions"
     return f"the closed form leaves out {', '.join(left_out)}" if left_out else None

@@ -1,13 +1,13 @@
-"""A standing wave in a run, such as a transient grating leaves, beside theory.
+"""Standing wave in a run, as a transient grating excites it, compared with theory.
 
     granular-analysis standing RUN [-o FILE]
 
-The script reads a run of form "standing" with snapshots of all spheres and prints relative L2 errors of the theory over
-all rows and times that the walls have not reached. The panels show the wave over the rows, in each third of the run
-when p_SH is largest to one side; dots are the run, lines theory; below, what is left. For L the second harmonic of the
-run is what the linear wave leaves of p: this holds third-order changes of the fundamental as well, so its relative
-error is of order a; for TR and RT, a². With the incremental shear law LAMMPS's own error is of first order in the step,
-and soon larger: halve it and compare.
+RUN is a run of form "standing" with snapshots of all spheres. The script prints relative L2 errors of the theory over
+all rows and times before echoes of the walls arrive. The panels show the wave over the rows at three times, one in each
+third of the run, when p_SH is largest; dots are the run, lines theory; below are the differences. For L the second
+harmonic of the run is p minus the linear wave. This also contains third-order changes of the fundamental, so the
+relative error is of order a; for TR and RT it is of order a². With the incremental shear law LAMMPS's own error is of
+first order in the step and soon exceeds this: halve the step and compare.
 """
 
 from dataclasses import dataclass
@@ -35,17 +35,17 @@ NAMES = {"p": "$p$", "q": "$q$", "phi": r"$\varphi$"}
 
 
 def standing(wave: Wave, tau: ArrayLike, row: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    """Return p, q, φ in D0, to second order, of a standing wave along y that is let go at rest at τ = 0.
+    """Return p, q, φ in D0, to second order, of a standing wave along y that starts at rest at τ = 0.
 
         q = Q cos θ cos Ωτ,  φ = −f sin θ cos Ωτ (TR, RT)  or  p = cos θ cos Ωτ (L),    θ = ξn + phase
 
-    Two waves of half the amplitude, ±Ω, each make a second harmonic of their own, and one of frequency 0 of each other.
-    p_SH = Re[X e^{2iθ}] vanishes where cos θ = 0 and where sin θ = 0, at the nodes *and* the antinodes of the
-    fundamental. Relative errors of p (TR, RT), q and φ fall as a².
+    It is the sum of two waves of half the amplitude, ±Ω. Each generates a second harmonic, and both together a wave of
+    frequency 0. p_SH = Re[X e^{2iθ}] vanishes where cos θ = 0 and where sin θ = 0, at the nodes *and* the antinodes of
+    the fundamental. Relative errors of p (TR, RT), q and φ fall as a².
 
     Parameters
     ----------
-    wave : the running wave of twice the amplitude of either, along y.
+    wave : running wave along y, with the amplitude of the standing wave.
     tau, row : times and rows n, of shapes that broadcast.
     """
     times, mode = np.asarray(tau, dtype=float), wave.mode
@@ -62,7 +62,7 @@ def standing(wave: Wave, tau: ArrayLike, row: ArrayLike) -> tuple[Floats, Floats
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run beside the theory: its rows, the n of each, where (T, rows) no echo has arrived, and what predicts."""
+    """A run and its theory: motion and numbers n of the rows, a mask (T, rows) without echoes, and the wave."""
 
     wave: Wave
     run: Rows
@@ -70,13 +70,13 @@ class Comparison:
     clean: NDArray[np.bool_]
 
     def theory(self, tau: ArrayLike, n: ArrayLike) -> dict[str, Floats]:
-        """p, q, φ, and the second harmonic, of `standing`."""
+        """Return p, q, φ, and the second harmonic, from `standing`."""
         wave = self.wave
         p, q, phi = standing(wave, tau, n)
         return {"p": p, "q": q, "phi": phi, HARMONIC: p - self._linear(tau, n)}
 
     def measured(self) -> dict[str, Floats]:
-        """Return the same of the run, (T, rows)."""
+        """Return p, q, φ, and the second harmonic, of the run, (T, rows)."""
         run = self.run
         return {"p": run.p, "q": run.q, "phi": run.phi, HARMONIC: run.p - self._linear(run.tau[:, None], self.n)}
 
@@ -85,33 +85,33 @@ class Comparison:
         return self.wave.mode.p * np.cos(theta) * np.cos(self.wave.mode.frequency * np.asarray(tau))
 
     def errors(self) -> dict[str, float]:
-        """Relative L2 errors over all clean rows and times, of the components that move and of the second harmonic."""
+        """Return relative L2 errors, without echoes, for the components that move and for the second harmonic."""
         names = ["p"] if self.wave.mode.name == "L" else ["q", "phi"] if self.wave.mode.f else ["q"]
         theory, run = self.theory(self.run.tau[:, None], self.n), self.measured()
         return {name: relative_error(theory[name][self.clean], run[name][self.clean]) for name in [*names, HARMONIC]}
 
 
 def compare(record: Record, rows: Rows) -> Comparison:
-    """Set the theory beside a run.
+    """Return a run with its theory.
 
-    Raises ValueError where p_SH is zero at every row, as for ξ = π/2 and phase 0, and where echoes reach all rows.
+    Raises ValueError if p_SH is zero at every row, as for ξ = π/2 and phase 0, and if echoes reach all rows.
     """
     wave, scene = wave_of(record), record.scene
     xi = wave.mode.wavenumber
     n = np.arange(rows.count) - scene.shape.centre_row
-    # Far above the rounding of ξn, far below what can be seen
+    # This limit is far above the rounding of ξn, and far below a measurable second harmonic
     if np.max(np.abs(np.sin(2 * (xi * n + wave.phase)))) < 1e-6:
         raise ValueError(f"no second harmonic at any row: xi = {xi:g} and phase = {wave.phase:g}")
     walls = np.minimum(np.arange(rows.count), np.arange(rows.count)[::-1])
     fixed = scene.shape.ends == "fixed"
     clean = (rows.tau[:, None] < echo(walls)) if fixed else np.ones(rows.p.shape, dtype=bool)
     if not clean[rows.tau > 0].any():
-        raise ValueError(f"{rows.count} rows between fixed ends, or its snapshots, are too few: no row is undisturbed")
+        raise ValueError(f"{rows.count} rows between fixed ends or the snapshots are too few: echoes reach all rows")
     return Comparison(wave, rows, n, clean)
 
 
 def draw(found: Comparison) -> Figure:
-    """Draw the fundamental and the second harmonic over the rows at three times; below, what is left."""
+    """Return the figure: fundamental and second harmonic over the rows at three times; below, the differences."""
     figure = page(5.8)
     panels = list(figure.subplots(3, 1, sharex=True, height_ratios=[3, 3, 2]))
     fundamental = "p" if found.wave.mode.name == "L" else "q"
@@ -138,7 +138,7 @@ def draw(found: Comparison) -> Figure:
 
 def _over_rows(panels: list[Axes], found: Comparison, names: list[str]) -> None:
     xi, tau, run = found.wave.mode.wavenumber, found.run.tau, found.measured()
-    # Two wavelengths: more cannot be told apart
+    # Draws two wavelengths; with more the curves are too dense
     near = np.abs(found.n) <= np.ceil(2 * np.pi / xi)
     size = found.theory(tau, (np.pi / 4 - found.wave.phase) / xi)[HARMONIC]
     for third, sign, colour in zip(np.array_split(np.arange(len(tau)), 3), (1, -1, 1), COLOURS, strict=True):
@@ -160,7 +160,7 @@ def _over_rows(panels: list[Axes], found: Comparison, names: list[str]) -> None:
 
 
 def table(found: Comparison) -> str:
-    """Return the relative errors, a line each."""
+    """Return the relative errors, one a line."""
     return "\n".join(f"{name:16s} {size:.2e}" for name, size in found.errors().items())
 
 
@@ -169,4 +169,4 @@ def of_folder(folder: str) -> Comparison:
     return compare(*load_form(folder, "standing"))
 
 
-main = script(__name__, of_folder, table, draw, ("folder", "run of a standing wave"), figure="grating.png")
+main = script(__name__, of_folder, table, draw, ("folder", "run folder of a standing wave"), figure="grating.png")

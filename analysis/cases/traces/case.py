@@ -1,13 +1,13 @@
-"""Keys of a sheet fitted to its traces, and to frequencies of the same records: errors, intervals and starts.
+"""Fits of two keys of a sheet to its traces, and to frequencies from the same records: errors, intervals, starts.
 
     granular-analysis traces RUN RUN [-o FILE]
 
-The runs are LAMMPS's of `sheet.toml`, with the step of the fits and with a quarter of it. Gaussian noise is added to
-the displacements of one column of spheres, as a share of the largest value. Young's modulus and Poisson's ratio are
-fitted to these traces, and to the frequencies of L, TR and RT at three wave numbers. Frequencies are those of least
-squares of cosines and sines to the motion with a wave number, which start at the peak of its spectrum. The step h is
-taken out of them, sin(ωh/2) = Ωh/2, and their errors are those of the least squares. RT, which the strike hardly moves,
-is taken only where its frequency is known to `SEEN`.
+The runs are LAMMPS's of `sheet.toml`, with the time step of the fits and with a quarter of it. Gaussian noise is added
+to the displacements of one column of spheres, as a share of the largest value. Young's modulus and Poisson's ratio are
+fitted to these traces, and to the frequencies of L, TR and RT at three wave numbers. A frequency is measured by a
+least-squares fit of cosines and sines to the motion with its wave number, which starts at the peak of the spectrum. The
+effect of the step h is removed by sin(ωh/2) = Ωh/2; the error is that of the fit. RT, which the strike hardly excites,
+is used only if its frequency is known to `SEEN`.
 """
 
 from collections.abc import Sequence
@@ -30,15 +30,16 @@ from granular_lmp.runs.record import GranularError, Record, Scene
 Floats = NDArray[np.float64]
 KEYS = "sphere.youngs_modulus", "sphere.poisson_ratio"
 KINDS = "displacement_x", "displacement_y"
-BRANCHES = ("TR", "RT"), ("L",)  # of motion along x, across the wave, and along y
-WAVES = 1, 2, 3  # periods in the cell
-SETS = {0.002: 200, 0.02: 200, 0.05: 40, 0.2: 40}  # noise, and how many sets with it
-FEWEST = 10  # answers that are drawn
-FILLED = "full", "none"  # marks of the two keys
-STARTS = np.geomspace(0.5, 2.0, 10)  # of the true modulus
-WITHIN = 0.3  # of a frequency of the model, in which the measured one is looked for
-SEEN = 0.5  # rad over the record; a frequency that is known less well may be one of the noise
-MINIMUM = 1.0  # of an interval, within which starts end at one minimum: their steps differ, in the unit of time of each
+BRANCHES = ("TR", "RT"), ("L",)  # branches of motion along x, across the wave, and of motion along y
+WAVES = 1, 2, 3  # periods of a wave in the cell
+SETS = {0.002: 200, 0.02: 200, 0.05: 40, 0.2: 40}  # number of noisy sets for each noise
+FEWEST = 10  # least number of answered fits for a point in the figure
+FILLED = "full", "none"  # fill styles of the two keys
+STARTS = np.geomspace(0.5, 2.0, 10)  # starts, over the true modulus
+WITHIN = 0.3  # relative range around a frequency of the model in which the measured one is sought
+SEEN = 0.5  # largest phase error over the record, rad; a frequency known less well may be from noise
+# Two fits are the same minimum if they agree to this share of an interval; their time steps in seconds differ
+MINIMUM = 1.0
 
 
 @dataclass(frozen=True)
@@ -47,11 +48,11 @@ class Level:
 
     Attributes
     ----------
-    noise : of a value, over the largest.
+    noise : standard deviation of a value, over the largest value.
     by : "traces" or "frequencies".
-    sets : how many were fitted.
-    errors, widths : (F, 2) departures from the truth and halves of the intervals of the F sets that a fit answers, in
-        the number that is fitted, over the true value: the logarithm of the modulus.
+    sets : number of fitted sets.
+    errors, widths : (F, 2) deviations from the truth, and half intervals, of the F sets whose fit was answered, over
+        the true value; for the modulus in its logarithm.
     """
 
     noise: float
@@ -62,16 +63,16 @@ class Level:
 
     @property
     def scatter(self) -> Floats:
-        """Return the errors, root mean square, (2,)."""
+        """Return the root mean square of the errors, (2,)."""
         return np.sqrt(np.mean(self.errors**2, axis=0))
 
     @property
     def held(self) -> Floats:
-        """Return the share of sets whose interval holds the truth, (2,)."""
+        """Return the share of sets whose interval contains the truth, (2,)."""
         return np.mean(np.abs(self.errors) < self.widths, axis=0)
 
     def line(self) -> str:
-        """Return noise, kind, refused fits, and of both keys the error, half an interval, and how often it holds."""
+        """Return noise, kind, sets, refused fits, and for both keys error, half interval, and share of hits."""
         cells = [f"{100 * self.noise:g} %", self.by, str(self.sets), str(self.sets - len(self.errors))]
         for key in range(len(KEYS)):
             numbers = self.scatter[key], np.median(self.widths[:, key]), self.held[key]
@@ -81,7 +82,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Found:
-    """All levels, and how many of `STARTS` end at the minimum, by kind of data; and the modulus by a finer step."""
+    """All levels; how many of `STARTS` end at the minimum, by kind of data; and the effect of a finer step."""
 
     levels: Sequence[Level]
     starts: dict[str, int]
@@ -90,7 +91,7 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """A column of spheres that was recorded: times (T,) in s, displacements (T, rows, 2) in m, without noise."""
+    """Record of a column of spheres without noise: times (T,) in s, displacements (T, rows, 2) in m."""
 
     scene: Scene
     times: Floats
@@ -98,22 +99,22 @@ class Data:
 
     @classmethod
     def of(cls, record: Record) -> "Data":
-        """Return what the monitor of a run recorded, after the start."""
+        """Return the record of the monitor of a run, without the start."""
         found, scale = record.monitor("column"), record.scene.scale
         return cls(record.scene, found.tau[1:] * scale.time, found.displacement[1:] * scale.length)
 
     @property
     def largest(self) -> float:
-        """Return the largest value."""
+        """Return the largest displacement, m."""
         return float(np.abs(self.motion).max())
 
     def noisy(self, noise: float, seed: int) -> "Data":
-        """Return these with noise."""
+        """Return the data with noise."""
         draw = np.random.default_rng(seed).normal(size=self.motion.shape)
         return replace(self, motion=self.motion + noise * self.largest * draw)
 
     def traces(self, error: float) -> list[Point]:
-        """Return all values as points with an error, m."""
+        """Return all values as points with an error in m."""
         return [
             Point(kind, float(self.motion[n, row, way]), error, 1, time=float(time), row=row, column=0)
             for way, kind in enumerate(KINDS)
@@ -122,7 +123,7 @@ class Data:
         ]
 
     def frequencies(self, error: float, model: Fit) -> list[Point]:
-        """Return the frequencies of all waves as points; a model says near which peaks they are.
+        """Return the frequencies of all waves as points; the model selects the peaks.
 
         Raises ValueError for a spectrum without a peak.
         """
@@ -133,7 +134,7 @@ class Data:
                 pairs = zip(model.points, model.at_start, strict=True)
                 asked = [(each, 2 * np.pi * at) for each, at in pairs if each.wavenumber == xi and each.branch in names]
                 moved = self.motion[:, :, way] @ np.exp(-1j * xi * rows)
-                # Noise of the real and of the imaginary part is that of half of the rows
+                # Noise of the real and of the imaginary part is that of half as many rows
                 each_of = cosines(self.times, moved, error * np.sqrt(len(rows) / 2), [near for _, near in asked])
                 for (point, _), (omega, deviation) in zip(asked, each_of, strict=True):
                     if deviation * self.times[-1] < SEEN:
@@ -146,14 +147,14 @@ class Data:
 def cosines(
     times: Floats, moved: NDArray[np.complex128], error: float, near: Sequence[float]
 ) -> list[tuple[float, float]]:
-    """Return the frequencies of cosines and sines that meet a motion, each with its standard deviation, rad/s.
+    """Return the frequencies of the cosines and sines that fit a motion, each with its standard deviation, rad/s.
 
     Parameters
     ----------
-    times : (T,) of equal steps, s.
-    moved : (T,)
-    error : of the real and of the imaginary part.
-    near : where the search starts, rad/s; of the first at the peak of the spectrum that is nearest to it.
+    times : (T,) equally spaced, s.
+    moved : (T,) complex motion.
+    error : standard deviation of the real and of the imaginary part.
+    near : expected frequencies, rad/s; the search for the first starts at the nearest peak of the spectrum.
 
     Raises ValueError for a spectrum without a peak there.
     """
@@ -162,7 +163,7 @@ def cosines(
     low, high = np.outer((1 - WITHIN, 1 + WITHIN), begin)
     tops = tops[(low[0] < tops) & (tops < high[0])]
     if not len(tops):
-        raise ValueError("a spectrum has no peak near that of the model")
+        raise ValueError("the spectrum has no peak near the frequency of the model")
     begin[0] = tops[np.argmin(np.abs(tops - near[0]))]
 
     def left(omega: Floats) -> Floats:
@@ -177,7 +178,7 @@ def cosines(
 
 
 def with_wave(scene: Scene) -> Scene:
-    """Return a wave in the crystal of a scene, as the theory of frequencies asks for one."""
+    """Return a scene with a wave in the same crystal, which the theory of frequencies needs."""
     tables, rows = scene.to_dict(), int(scene.packing.rows)
     packing = {"rows": rows, "columns": int(scene.packing.columns), "ends": "periodic"}
     wave = {"mode": "TR", "wavenumber": 2 * np.pi / rows, "amplitude": 0.1}
@@ -187,17 +188,14 @@ def with_wave(scene: Scene) -> Scene:
 
 
 def model_of(scene: Scene) -> Fit:
-    """Return a fit whose start has the frequencies of all waves."""
+    """Return a fit whose predictions at the start are the frequencies of all waves."""
     xis = 2 * np.pi * np.array(WAVES) / int(scene.packing.rows)
     points = [Point("frequency", 1.0, 1.0, 1, name, float(xi)) for xi in xis for names in BRANCHES for name in names]
     return Fit(with_wave(scene), points, KEYS)
 
 
 def answer(points: Sequence[Point], scene: Scene) -> Estimate | None:
-    """Return the fit of points, from a scene of a struck sheet; None if it is refused or does not determine both keys.
-
-    Without points nothing was measured.
-    """
+    """Return the fit of points, starting from a scene; None if it is refused, lacks points or leaves a key open."""
     if not points:
         return None
     try:
@@ -208,18 +206,18 @@ def answer(points: Sequence[Point], scene: Scene) -> Estimate | None:
 
 
 def points_of(data: Data, noise: float, seed: int) -> dict[str, list[Point]]:
-    """Return the points of a noisy set by kind of data."""
+    """Return the points of a noisy set, by kind of data."""
     own, error = data.noisy(noise, seed), noise * data.largest
     return {"traces": own.traces(error), "frequencies": own.frequencies(error, model_of(data.scene))}
 
 
 def fitted(data: Data, noise: float, seed: int) -> dict[str, Estimate | None]:
-    """Return the fits of a noisy set by kind of data, which start at the truth."""
+    """Return the fits of a noisy set, by kind of data, starting at the truth."""
     return {by: answer(points, data.scene) for by, points in points_of(data, noise, seed).items()}
 
 
 def level(noise: float, by: str, answers: Sequence[Estimate | None], truth: Sequence[float]) -> Level:
-    """Return what fits of one kind of data tell."""
+    """Return the summary of the fits of one kind of data with one noise."""
     rows = []
     for each in filter(None, answers):
         own = zip(each.parameters, each.values, each.intervals[:, 1], truth, strict=True)
@@ -229,14 +227,14 @@ def level(noise: float, by: str, answers: Sequence[Estimate | None], truth: Sequ
 
 
 def of_key(key: Parameter, value: float, high: float, true: float) -> tuple[float, float]:
-    """Return the departure of a key from the truth, and half of its interval, over the true value."""
+    """Return the deviation of a key from the truth, and half of its interval, both over the true value."""
     size = 1.0 if key.logarithmic else key.inner(true)
     inner = key.inner(value)
     return (inner - key.inner(true)) / size, (key.inner(high) - inner) / size
 
 
 def measure(records: Sequence[Record]) -> Found:
-    """Return the errors of all levels, how many starts end at one minimum, and the modulus by finer steps."""
+    """Return all levels, the number of starts that end at the minimum, and the effect of a finer step."""
     data, finer = map(Data.of, records)
     scene = data.scene
     truth = scene.sphere.youngs_modulus, scene.sphere.poisson_ratio
@@ -249,7 +247,7 @@ def measure(records: Sequence[Record]) -> Found:
 
 
 def starts(data: Data) -> dict[str, int]:
-    """Return how many of `STARTS` end at the minimum that the true modulus leads to, by kind of data."""
+    """Return how many of `STARTS` end at the same minimum as the true modulus, by kind of data."""
     counts = {}
     for by, points in points_of(data, min(SETS), 0).items():
         begun = [data.scene.with_values({KEYS[0]: float(each * data.scene.sphere.youngs_modulus)}) for each in STARTS]
@@ -259,7 +257,7 @@ def starts(data: Data) -> dict[str, int]:
 
 
 def same(one: Estimate, other: Estimate) -> bool:
-    """Return whether two fits are one minimum."""
+    """Return whether two fits are the same minimum."""
     return bool(np.all(np.abs(one.values - other.values) < MINIMUM * np.ptp(other.intervals, axis=1)))
 
 
@@ -270,19 +268,19 @@ HEAD = (
 
 
 def table(found: Found) -> str:
-    """Return the levels as CSV, and a line for the starts and for the step."""
+    """Return the levels as CSV, and lines for the starts and the time step."""
     of_starts = "; ".join(f"{by} {count} of {len(STARTS)}" for by, count in found.starts.items())
     return "\n".join(
         [
             *(HEAD, *(each.line() for each in found.levels), ""),
-            f"starts from {STARTS[0]:g} to {STARTS[-1]:g} of the modulus that end at the minimum: {of_starts}",
-            f"step: traces of steps of a quarter give a modulus that differs by {found.finer:.2%}",
+            f"starts from {STARTS[0]:g} to {STARTS[-1]:g} times the modulus that end at the minimum: {of_starts}",
+            f"step: traces with a quarter of the step give a modulus that differs by {found.finer:.2%}",
         ]
     )
 
 
 def draw(found: Found) -> Figure:
-    """Draw the errors of both keys over the noise, and how often intervals hold the truth."""
+    """Return the figure: errors of both keys over the noise, and the share of intervals that contain the truth."""
     figure = page(3.5)
     panels = figure.subplots(1, 2, width_ratios=[1.3, 1])
     styles = {"traces": ("C0", "o"), "frequencies": ("C3", "s")}
@@ -309,4 +307,4 @@ def draw(found: Found) -> Figure:
     return figure
 
 
-main = script(__name__, measure, table, draw, ("runs", "of sheet.toml, with its step and a quarter of it"))
+main = script(__name__, measure, table, draw, ("runs", "runs of sheet.toml, with its step and with a quarter of it"))

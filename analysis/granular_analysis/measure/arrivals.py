@@ -1,7 +1,7 @@
-"""Arrivals and speeds of the front of an impact in a chain or a sheet of Hertz contacts, by what a scene declares.
+"""Arrival and speed of the front of an impact in a chain or a sheet of Hertz contacts, predicted from a scene.
 
-Both are integrated as a network of Hertz's springs, without friction (`granular_analysis.theory.network`). A front is
-the first crest of a sphere's speed; its time counts from the strike.
+Chain and sheet are integrated as networks of Hertz's springs without friction (`granular_analysis.theory.network`).
+The front arrives at a sphere with the first crest of the sphere's speed; times count from the strike.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from granular_analysis.theory.network_state import start
 from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]
-# Tables and keys of an impact that chain and network hold, or that change nothing of its motion
+# Tables and keys of a scene that the integration of an impact includes, or that do not change the motion
 IMPACT_KEYS = {"name", "description", "inclusion", "striker", "monitor", "output", "time"} | {
     f"{section}.{key}"
     for section, keys in {
@@ -29,19 +29,21 @@ IMPACT_KEYS = {"name", "description", "inclusion", "striker", "monitor", "output
     }.items()
     for key in keys.split()
 }
-_ENDS = ("free", "held")  # a sheet begins and ends with one of these
-_SAMPLES = 400  # until the last arrival; a crest at a tenth of the rows has ten
-_LATER = 1.3  # a front that is slower by this factor still arrives
+_ENDS = ("free", "held")  # allowed first and last rows of a sheet
+_SAMPLES = 400  # samples up to the end; a crest at a tenth of the rows has ten
+_LATER = 1.3  # the integration ends at the last measured arrival times this, so slower fronts still arrive
 _RTOL = 1e-8
-SILENCE = 1e-5  # share of the striker's speed: a crest below it is rounding, or the foot of the front
-_WEAK = 1e-2  # of that, in a chain that is pressed together
+SILENCE = 1e-5  # share of the striker's speed below which a crest is rounding, or the foot of the front
+_WEAK = 1e-2  # factor on _RTOL in a chain that is pressed together
 
 
 def fronts(scene: Scene, points: Sequence[Point]) -> Floats:
-    """Return arrivals, s, and speeds, m/s, of the front at the spheres of points, (N,).
+    """Return the predicted arrivals (s) and speeds (m/s) of the front for measured points, (N,).
 
-    Raises ValueError for a scene that declares anything else than a strike on a chain or a sheet, for a sphere that is
-    not there, and for one that no front reaches by 1.3 times the last measured arrival.
+    A speed is the distance of two spheres over the difference of their arrivals.
+
+    Raises ValueError for a scene that declares more than a strike on a chain or a sheet, for a sphere that is not
+    there, and for a sphere that no front reaches within 1.3 times the last measured arrival.
     """
     if scene.wave is not None or not scene.striker:
         raise ValueError("arrivals and front speeds need a scene with [[striker]] and without [wave]")
@@ -76,7 +78,7 @@ def fronts(scene: Scene, points: Sequence[Point]) -> Floats:
 
 
 def _refuse(scene: Scene) -> None:
-    """Raise ValueError for a scene that declares what neither chain nor network holds here."""
+    """Raise ValueError for a scene with keys that the integration of an impact leaves out."""
     tables = {key: table if isinstance(table, dict) else {} for key, table in scene.given().items()}
     keys = [(each, f"{each}.{name}") for each, table in tables.items() for name in table or [""]]
     if other := sorted(key.rstrip(".") for section, key in keys if not {section, key} & IMPACT_KEYS):
@@ -93,7 +95,7 @@ def _refuse(scene: Scene) -> None:
 
 
 def _ends(scene: Scene, sites: Sites, striker: int, point: Point) -> list[int]:
-    """Return the spheres of a point: one, or those from which and to which a speed is."""
+    """Return the spheres of a point: one for an arrival, the first and the last for a speed."""
     found = []
     for row, column in ((point.row, point.column), (point.to_row, point.to_column))[: 1 + (point.kind == "speed")]:
         column = int(sites.column[striker]) if column < 0 else column
@@ -102,14 +104,14 @@ def _ends(scene: Scene, sites: Sites, striker: int, point: Point) -> list[int]:
             raise ValueError(f"line {point.line}: row {row}, column {column}: must be below {rows} and {columns}")
         found.append(row * columns + column)
     if found[1:] == found[:1]:
-        raise ValueError(f"line {point.line}: a speed needs two spheres, and both are in row {point.row}")
+        raise ValueError(f"line {point.line}: both ends of the speed are one sphere in row {point.row}; it needs two")
     return found
 
 
 def _in_chain(
     scene: Scene, place: Floats, velocity: Floats, times: Floats, needed: NDArray[np.intp]
 ) -> tuple[Floats, Floats]:
-    """Return places of the spheres, which a load brings nearer, and the speeds (T, n) of some."""
+    """Return the places at rest (N, 2) of a chain under its load, and the speeds (T, n) of the `needed` spheres."""
     packing, sphere, count = scene.packing, scene.sphere, len(place)
     material, radius, load = Material(sphere.youngs_modulus, sphere.poisson_ratio), sphere.radius, packing.contact_force
     pair, wall = (
@@ -134,7 +136,7 @@ def _in_chain(
         shear=False,
         rotation=False,
     )
-    # Errors count against the overlap at rest, which is larger than those of a weak wave
+    # Errors are relative to the overlap at rest, which is larger than the motion of a weak wave
     rtol = _RTOL * (_WEAK if load else 1.0)
     run = integrate(network, start(network, 0.0, velocity), times, rtol=rtol, spheres=needed)
     return place, np.abs(run.velocity[..., 1])
@@ -147,7 +149,7 @@ def _constant(force: float, times: Floats) -> Floats:
 def _in_sheet(
     scene: Scene, sites: Sites, place: Floats, velocity: Floats, times: Floats, needed: NDArray[np.intp]
 ) -> Floats:
-    """Return the speeds (T, n) of some spheres of a sheet."""
+    """Return the speeds (T, n) of the `needed` spheres of a sheet."""
     packing, sphere = scene.packing, scene.sphere
     edges = {"first": sites.row == 0, "last": sites.row == sites.row.max()}
     held = np.any([own for name, own in edges.items() if getattr(packing, name) == "held"] or [sites.row < 0], axis=0)
@@ -167,9 +169,10 @@ def _in_sheet(
 
 
 def crest(times: ArrayLike, speed: ArrayLike) -> tuple[float, float]:
-    """Return the time and the height of the first crest of a speed (T,), by a parabola; nan if there is none.
+    """Return time and height of the first crest of a speed (T,), from a parabola through three samples.
 
-    Good values: ten samples to a crest give its height to 1e-3.
+    Both are nan if no maximum exceeds `SILENCE`; the speed is in units of the striker's. Good values: with ten samples
+    to a crest the height is right to 1e-3.
     """
     times, speed = np.asarray(times, dtype=float), np.asarray(speed, dtype=float)
     inner = speed[1:-1]

@@ -1,15 +1,15 @@
-"""The error budget: what separates a run from the infinite lattice, the paper's theory from both, and by how much.
+"""Error budget: differences of a run from the infinite lattice, and of the paper's theory from both.
 
-All are relative L2 errors over the run. What the run knows of itself, the time step, the walls and rounding, stands in
-its ``run.json``. The rest is measured here, with the exact lattice (`granular_analysis.theory.lattice`), which holds
-the contacts of LAMMPS and is no formula:
+Every error is a relative L2 error over the run. The run itself estimates the errors from the time step, the walls and
+rounding, in ``run.json``. The others are measured here with the exact lattice (`granular_analysis.theory.lattice`), an
+integration with the contacts of LAMMPS:
 
-- all of it: the run against the exact lattice. It holds the three above, and what a single run cannot know;
-- geometry: the exact lattice with spheres as points of contact, as the paper takes them (Δ0/R → 0), against that of
-  LAMMPS;
+- all of it: the run against the exact lattice. It includes the three errors above and any that a single run cannot
+  estimate;
+- geometry: the exact lattice in the paper's limit Δ0/R → 0 against the exact lattice in LAMMPS's geometry;
 - perturbation order: second order, in LAMMPS's geometry, against the exact lattice.
 
-The last two are no errors of the run but of a theory that is compared with it.
+The last two are errors of theories, not of the run.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,9 @@ from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
 Errors = Mapping[str, float | None]
-_AS_LARGE = 0.9  # share of the largest error: "all of it" is the time step but for rounding, which chooses no star
+# A source dominates from this share of the largest error on. "all of it" often is the time step plus rounding, which
+# must not decide between the two
+_AS_LARGE = 0.9
 
 
 @dataclass(frozen=True)
@@ -37,13 +39,13 @@ class Source:
     ----------
     name : str
     of : "run" or "theory"
-        Of the run against the infinite lattice, or of the paper's theory against the exact lattice.
+        Error of the run against the infinite lattice, or of the paper's theory against the exact lattice.
     p, q, phi : float or None
-        Relative L2 errors; None where the signal vanishes by symmetry, and where it is not known.
+        Relative L2 errors; None if the signal vanishes by symmetry or the error is unknown.
     to_halve : str
-        How to halve it.
+        Change that halves the error.
     dominates : tuple of str
-        The signals of which it is the largest error, or nearly.
+        Signals in which this error is at least 0.9 of the largest.
     """
 
     name: str
@@ -56,27 +58,29 @@ class Source:
 
 
 def error_budget(record: Record, wave: Wave, measured: Errors, exact: Trajectory) -> list[Source]:
-    """Return the sources of error of a run that the exact lattice holds, and of the paper's theory of it.
+    """Return the sources of error of a run, and of the paper's theory of it.
 
     Parameters
     ----------
     record : Record
+        Run that the exact lattice holds.
     wave : Wave
+        Wave of the run.
     measured : mapping
-        Relative errors of p, q, φ of the run against the exact lattice; None where the signal vanishes by symmetry.
-    exact : p, q, φ of the exact lattice at the times of the record
+        Relative errors of p, q, φ of the run against the exact lattice; None if the signal vanishes by symmetry.
+    exact : tuple of (T,) array
+        p, q, φ of the exact lattice at the times of the record, in D0.
 
     Returns
     -------
     list of Source
-        Without the lines of the run itself where ``run.json`` has none, and of second order where that leaves out what
-        the contacts do.
+        Sources that ``run.json`` estimates, if any, then those measured here; second order only if it holds the wave.
     """
     known = [
         Source(_named(line), "run", line["p"], line["q"], line["phi"], line["to_halve"])
         for line in record.info.get("error_budget", [])
     ]
-    found = {("run", "all of it, measured"): (dict(measured), "what is largest above")}
+    found = {("run", "all of it, measured"): (dict(measured), "the largest error above")}
     if wave.contact.overlap_ratio:
         found["theory", "geometry"] = (
             _distance(trajectory("exact-lattice", points_of_contact(wave), record.tau), exact, measured),
@@ -104,21 +108,21 @@ def error_budget(record: Record, wave: Wave, measured: Errors, exact: Trajectory
 
 
 def _named(line: Mapping[str, Any]) -> str:
-    """Return the name of a line of ``run.json``, with the order of the error of a time step."""
+    """Return the name of an error in ``run.json``; for the time step with the order of convergence."""
     if "order" not in line:
         return str(line["name"])
     return f"{line['name']}, order {line['order']}" if line["order"] else f"{line['name']}, no order"
 
 
 def points_of_contact(wave: Wave) -> Wave:
-    """Return the wave of the same name in the paper's geometry, Δ0/R → 0."""
+    """Return the wave with the same mode, wave number and direction in the paper's geometry, Δ0/R → 0."""
     contact = replace(wave.contact, overlap_ratio=0.0)
     pointlike = mode(one_of(MODES, wave.mode.name, "mode"), wave.mode.wavenumber, wave.mode.direction, contact)
     return replace(wave, mode=pointlike, contact=contact)
 
 
 def _distance(theory: Trajectory, exact: Trajectory, measured: Errors) -> dict[str, float | None]:
-    """Return the relative errors of a theory in the signals that the lattice has."""
+    """Return the relative errors of a theory against the exact lattice, for the signals that do not vanish."""
     return {
         name: relative_error(values, reference)
         for name, values, reference in zip(COMPONENTS, theory, exact, strict=True)
@@ -127,7 +131,7 @@ def _distance(theory: Trajectory, exact: Trajectory, measured: Errors) -> dict[s
 
 
 def budget_lines(name: str, budget: list[Source]) -> list[str]:
-    """Return the budget of a run as text, * at the largest of p, q and phi; nothing for an empty one."""
+    """Return the budget of a run as lines of text; * marks the errors that dominate. An empty budget gives no line."""
     if not budget:
         return []
     text = ["", f"error budget of {name:27}{'p':>10}{'q':>10}{'phi':>10}   to halve it"]

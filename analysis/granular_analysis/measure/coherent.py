@@ -1,21 +1,21 @@
-"""The coherent wave in an imperfect crystal: how much of the motion still is the plane wave, and how fast it decays.
+"""Coherent wave in an imperfect crystal: the part of the motion that still is the plane wave, and its decay.
 
-Disorder scatters a plane wave. What is left of it at the time t is the part of the displacements (or velocities) u_j
-of the spheres at the places r_j that is periodic along the wave vector k, here with its second harmonic,
+Disorder scatters a plane wave. Its remainder at the time t is the part of the displacements (or velocities) u_j of
+spheres at places r_j that is periodic along the wave vector k, here with its second harmonic,
 
     u_j(t) = U_0(t) + Re[C_1(t) e^{ik·r_j} + C_2(t) e^{2ik·r_j}] + scattered,
 
-for the components along k and across, k̂ and ẑ × k̂. The fit is by least squares over all spheres, so it is exact for a
-plane wave on any set of places, with vacancies and in cells that hold no whole number of waves. In a perfect periodic
-crystal it is the discrete Fourier transform.
+with components along k̂ and across, ẑ × k̂. Least squares over all spheres make the fit exact for a plane wave on any
+set of places, also with vacancies and in cells that do not hold a whole number of waves. In a perfect periodic crystal
+the fit is the discrete Fourier transform.
 
-A wave that runs along k and is scattered has C_1 = C e^{−Γt − iωt}. `decay` fits Γ and ω to log C_1. Its standard
-errors are those of least squares with independent residuals; residuals of scattered waves are correlated over a period
-or more, so true errors are larger by the root of the samples per independent one: sample a period two to four times,
-or compare runs with other seeds.
+A wave that runs along k and is scattered has C_1 = C e^{−Γt − iωt}; `decay` fits Γ and ω to log C_1. The standard
+errors assume independent residuals. Residuals of scattered waves are correlated over a period or more, so true errors
+are larger by the root of the number of samples per independent one. Good values: two to four samples a period, or a
+comparison of runs with different seeds.
 
-Breaks where C_1 is small against the scattered field (below about twice its share, log C is biased), where waves run
-both ways (then |C_1| beats), and where the phase turns by more than half a circle between samples.
+Breaks if C_1 is small against the scattered field (log C is biased below about twice that field), if waves run both
+ways (then |C_1| beats), and if the phase turns by more than half a circle between samples.
 """
 
 from collections.abc import Sequence
@@ -28,19 +28,19 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 HARMONICS = (1, 2)
-# Largest turn of the phase between two samples, rad: beyond, noise could make of it one the other way round.
+# Largest turn of the phase between two samples, rad: with more, noise could reverse the sign of the turn
 _TURN = 0.9 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
 class Coherent:
-    """The coherent part of a field at T moments.
+    """Coherent part of a field at T times.
 
     Attributes
     ----------
-    amplitudes : (2, T, 2) complex: of the first and second harmonic, along k and across.
-    mean : (T, 2) the motion of all spheres together, along k and across.
-    scattered : (T,) share of Σ|u_j|² that neither holds, from 0 to 1; nan where nothing moves.
+    amplitudes : (2, T, 2) complex amplitudes C_1 and C_2, along k and across, in the unit of the field.
+    mean : (T, 2) uniform motion U_0 of all spheres, along k and across.
+    scattered : (T,) scattered share of Σ|u_j|², from 0 to 1; nan if nothing moves.
     """
 
     amplitudes: Complexes
@@ -59,15 +59,16 @@ class Coherent:
 
 
 def project(places: ArrayLike, field: ArrayLike, wavevector: Sequence[float]) -> Coherent:
-    """Return the coherent part of displacements or velocities.
+    """Return the coherent part of displacements or velocities, see the module.
 
     Parameters
     ----------
-    places : (N, 2) of the spheres at rest.
-    field : (T, N, 2) x and y components. Velocities times √m make `scattered` a share of the kinetic energy.
+    places : (N, 2) places of the spheres at rest.
+    field : (T, N, 2) x and y components. For velocities times √m, `scattered` is a share of the kinetic energy.
     wavevector : k, in rad per unit of length.
 
-    Raises ValueError for shapes that do not fit, or a k that the places cannot tell from 2k, 0 or their mirror images.
+    Raises ValueError for wrong shapes, values that are not finite, k = 0, and a k that is equivalent to 2k, to 0 or to
+    the negative of one of them at these places.
     """
     places, field, k = np.asarray(places, float), np.asarray(field, float), np.asarray(wavevector, float)
     if places.ndim != 2 or places.shape[1] != 2 or field.ndim != 3 or field.shape[1:] != places.shape:
@@ -84,7 +85,7 @@ def project(places: ArrayLike, field: ArrayLike, wavevector: Sequence[float]) ->
     motion = np.moveaxis(field @ frame.T, 1, 0).reshape(len(places), -1)  # (N, 2T)
     weights, _, rank, _ = np.linalg.lstsq(basis, motion, rcond=1e-8)
     if rank < basis.shape[1]:
-        raise ValueError(f"wavevector = {wavevector}: these {len(places)} places cannot tell k, 2k and 0 apart")
+        raise ValueError(f"wavevector = {wavevector}: k, 2k and 0 are not independent at these {len(places)} places")
     left = (motion - basis @ weights).reshape(len(places), -1, 2)
     whole, rest = np.sum(field**2, axis=(1, 2)), np.sum(left**2, axis=(0, 2))
     weights = weights.reshape(len(weights), -1, 2)
@@ -94,13 +95,13 @@ def project(places: ArrayLike, field: ArrayLike, wavevector: Sequence[float]) ->
 
 @dataclass(frozen=True)
 class Decay:
-    """C e^{−Γt − iωt} as fitted to a coherent amplitude, with standard errors; in 1 and rad per unit of time.
+    """Fit of C e^{−Γt − iωt} to a coherent amplitude.
 
     Attributes
     ----------
-    rate, rate_error : Γ.
-    frequency, frequency_error : ω, positive for a wave that runs along k.
-    amplitude : C.
+    rate, rate_error : Γ and its standard error, 1 per unit of time.
+    frequency, frequency_error : ω and its standard error, rad per unit of time; positive for a wave that runs along k.
+    amplitude : C, in the unit of the amplitude.
     """
 
     rate: float
@@ -111,20 +112,20 @@ class Decay:
 
 
 def decay(times: ArrayLike, amplitude: ArrayLike) -> Decay:
-    """Return the decay rate and frequency of a coherent amplitude (T,) at the times (T,), ascending, T ≥ 3.
+    """Return the decay rate and frequency of a coherent amplitude (T,) at ascending times (T,), T ≥ 3.
 
-    log|C_1| and the unwrapped phase are fitted with lines by least squares. Where the wave is small, the same scattered
-    field disturbs its logarithm more: weights are |C|²e^{−2Γt} of a first fit without. Those of |C_1|² itself would
-    favour the samples that the scattered field makes large, and so bias Γ.
+    Lines are fitted to log|C_1| and to the unwrapped phase by weighted least squares. The weights are |C|²e^{−2Γt} from
+    a first fit without weights, because the same scattered field disturbs the logarithm of a small wave more. The
+    measured |C_1|² as weights would favour samples that the scattered field makes large, and so bias Γ.
 
-    Raises ValueError for fewer than three samples, an amplitude that vanishes, or samples too far apart to follow the
-    phase.
+    Raises ValueError for fewer than three samples, for an amplitude that vanishes, and if the phase turns by more than
+    0.9 π between samples.
     """
     times, amplitude = np.asarray(times, float), np.asarray(amplitude, complex)
     if times.ndim != 1 or times.shape != amplitude.shape or len(times) < 3 or np.any(np.diff(times) <= 0):
         raise ValueError(f"times {times.shape} and amplitude {amplitude.shape} must be (T,), T at least 3, in order")
     if not np.all(np.isfinite(amplitude)) or np.any(amplitude == 0):
-        raise ValueError("amplitude must be finite and nowhere 0: no wave is left to fit")
+        raise ValueError("amplitude must be finite and nowhere 0")
     phase = np.unwrap(np.angle(amplitude))
     turn = float(np.max(np.abs(np.diff(phase))))
     if turn > _TURN:
@@ -138,7 +139,7 @@ def decay(times: ArrayLike, amplitude: ArrayLike) -> Decay:
 
 
 def _line(x: Floats, y: Floats, weight: Floats) -> tuple[tuple[float, float], float]:
-    """Return slope and intercept of a line fitted with residuals times `weight`, and the slope's standard error."""
+    """Return slope and intercept of a line, and the standard error of the slope; `weight` multiplies residuals."""
     share = weight**2 / np.sum(weight**2)
     centre = share @ x
     spread = share @ (x - centre) ** 2

@@ -1,11 +1,11 @@
-"""Objectives that a design reads off whole runs of a scene, by their names, and the scene as a run of factors.
+"""Objectives of a design, by name, computed from whole runs of a scene; and the run of a scene with free densities.
 
-| objective | what it is |
+| objective | quantity |
 |---|---|
-| second-harmonic | displacements along k with 2k in the last quarter of a run, root mean square, in D0; even orders |
+| second-harmonic | rms displacement along k with wave vector 2k in the last quarter of a run, even orders only, in D0 |
 | largest:MONITOR | largest displacement of the spheres of a monitor, in D0 |
-| motion:MONITOR | mean squared velocity of these spheres, in (D0/t0)² |
-| motion:MONITOR/OTHER | that of one monitor over that of another, as its mirror image |
+| motion:MONITOR | mean squared velocity of the spheres of a monitor, in (D0/t0)² |
+| motion:MONITOR/OTHER | mean squared velocity of one monitor over that of another, for example its mirror image |
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,17 +28,18 @@ from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-_EQUAL = 1e-6  # of the largest motion at the start
+_EQUAL = 1e-6  # starts that differ by less than this share of the largest motion are equal
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A scene whose runs are read, and the first moment of its run.
+    """A scene and the start of its run.
 
     Attributes
     ----------
-    scene : of equal spheres, with a time step.
-    first, step : the spheres, and the step in units of the deck.
+    scene : scene with a wave and a time step.
+    first : spheres at the start.
+    step : time step in units of the deck.
     """
 
     scene: Scene
@@ -47,10 +48,10 @@ class Subject:
 
     @classmethod
     def of(cls, scene: Scene) -> "Subject":
-        """Return that of a scene.
+        """Return the subject of a scene.
 
-        Raises TheoryError for a scene without a wave or a time step, whose spheres differ, or that the network leaves
-        out.
+        Raises TheoryError (a ValueError) for a scene without a wave, with a tolerance in place of a time step, or that
+        the network leaves out.
         """
         need_wave(scene)
         if scene.time.tolerance is not None:
@@ -60,18 +61,22 @@ class Subject:
 
     @cached_property
     def places(self) -> Integers:
-        """Return the index of the sphere at each row, column and layer, (rows, columns, layers)."""
+        """Return the index of the sphere at each row, column and layer, (rows, columns, layers).
+
+        Raises TheoryError for a scene with vacancies.
+        """
         shape = self.scene.shape
         size = shape.rows, shape.columns, shape.layers
         if len(self.first.network.position) != np.prod(size):
-            raise TheoryError("disorder.vacancies: must be left out, as a design counts the places of the lattice")
+            raise TheoryError("disorder.vacancies: must be 0, because a design counts the places of the lattice")
         return np.arange(np.prod(size)).reshape(size)
 
     def monitor(self, name: str) -> Integers:
-        """Return the spheres of a monitor."""
+        """Return the indices of the spheres of a monitor, (n,); raise TheoryError for an unknown monitor."""
         known = {each.name: each for each in self.scene.monitor}
         if name not in known:
-            raise TheoryError(f"monitor {name!r}: must be one of the scene's, {', '.join(known) or 'which has none'}")
+            there = f"must be one of {', '.join(known)}" if known else "the scene has no [[monitor]]"
+            raise TheoryError(f"monitor {name!r}: {there}")
         own, layers = known[name], known[name].layers or (0, self.scene.shape.layers - 1)
         inside = self.places[:, :, layers[0] : layers[1] + 1]
         if own.rows:
@@ -79,7 +84,11 @@ class Subject:
         return np.concatenate([inside[row, column] for row, column in own.spheres])
 
     def groups(self, per: str) -> Integers:
-        """Return the number of the density of each sphere, (N,), from 0: per "sphere", "row", or cell "RxC"."""
+        """Return the number of the density of each sphere, (N,), from 0.
+
+        Each sphere (`per` "sphere"), each row ("row"), or each sphere of a cell of R rows and C columns ("RxC") has a
+        density of its own. Raises TheoryError for another word, or a cell that does not divide the crystal.
+        """
         row, column, layer = np.unravel_index(self.places.ravel(), self.places.shape)
         if per == "sphere":
             return self.places.ravel()
@@ -89,7 +98,7 @@ class Subject:
         return np.asarray(((row % rows) * columns + column % columns) * self.places.shape[2] + layer)
 
     def run(self, spheres: Integers) -> Run:
-        """Return the run that records some spheres at each sample."""
+        """Return a run that records the given spheres (n,) at each sample."""
         time = self.scene.time
         return Run(self.first.network, self.first.state, self.step, time.samples, time.steps_per_sample, spheres)
 
@@ -107,7 +116,7 @@ def _cell(per: str, shape: tuple[int, ...]) -> tuple[int, int]:
 def _second_harmonic(subject: Subject, _: str) -> tuple[Goal, Integers]:
     scene, first = subject.scene, subject.first
     if scene.source:
-        raise TheoryError("second-harmonic: the wave must be all that moves the spheres, without [[source]]")
+        raise TheoryError("second-harmonic: only the wave may move the spheres; remove [[source]]")
     vector = Setting(scene.with_values({"packing.table": ""})).mode().wavevector[: first.network.dimension]
     read = Partial(
         network_objectives.second_harmonic,
@@ -141,7 +150,10 @@ OBJECTIVES: Mapping[str, tuple[Make, str]] = {
 
 
 def goal_of(subject: Subject, objective: str) -> tuple[Goal, Integers]:
-    """Return what is to be largest, and the spheres that it reads; TheoryError for an unknown objective."""
+    """Return the goal of an objective and the spheres (n,) that it reads.
+
+    Raises TheoryError for an unknown objective, an unknown monitor, and for "second-harmonic" with a source.
+    """
     name, colon, of = objective.partition(":")
     if name not in OBJECTIVES or bool(colon) != bool(OBJECTIVES[name][1]):
         known = ", ".join(name + of for name, (_, of) in OBJECTIVES.items())
@@ -150,29 +162,30 @@ def goal_of(subject: Subject, objective: str) -> tuple[Goal, Integers]:
 
 
 def read_off(records: Sequence[Record], objective: str) -> float:
-    """Return an objective of runs that recorded snapshots at each sample: one for each sign of the start.
+    """Return an objective from runs with snapshots at each sample, one run for each sign of the start.
 
-    Raises TheoryError for another number of runs, for one whose snapshots are rarer, and for starts of equal sign.
+    Raises TheoryError for a wrong number of runs, for snapshots at other times than the samples, and unless the starts
+    differ in sign only.
     """
     subject = Subject.of(records[0].scene)
     goal, spheres = goal_of(subject, objective)
     if len(records) != len(goal.signs):
-        raise TheoryError(f"{objective}: is read off {len(goal.signs)} runs, not {len(records)}")
+        raise TheoryError(f"{objective}: needs {len(goal.signs)} runs, not {len(records)}")
     for each in records:
         asked, sample = each.scene.output.particles, each.scene.time.sample
         if asked != sample:
             raise TheoryError(
-                f"output.particles = {asked:g}: must be time.sample = {sample:g}, at which a design reads"
+                f"output.particles = {asked:g}: must be time.sample = {sample:g}, as a design needs each sample"
             )
     motions = [_motion_of(each, subject.first, spheres) for each in records]
     starts = [sign * each.motion[0] for sign, each in zip(goal.signs, motions, strict=True)]
     if not all(np.allclose(each, starts[0], rtol=0, atol=_EQUAL * np.abs(starts[0]).max()) for each in starts):
-        raise TheoryError(f"{objective}: is read off runs that start with opposite signs: wave.phase differs by pi")
+        raise TheoryError(f"{objective}: the runs must start with opposite signs, wave.phase = 0 and pi")
     return goal.of(motions)[0]
 
 
 def _motion_of(record: Record, first: FirstSnapshot, spheres: Integers) -> Motion:
-    """Return the motion of some spheres in the snapshots of a run, without turns, in units of its deck."""
+    """Return the motion of some spheres in the snapshots of a run, in units of its deck; rotations and spins are 0."""
     snapshots = record.snapshots()
     place, rate = (np.moveaxis(each[:, spheres], 2, 1) for each in snapshots.stacks("displacement", "velocity"))
     still = np.zeros_like(place[:, :1] if place.shape[1] == 2 else place)
@@ -181,5 +194,5 @@ def _motion_of(record: Record, first: FirstSnapshot, spheres: Integers) -> Motio
 
 
 def designed(scene: Scene, best: Floats) -> Scene:
-    """Return a scene with the densities of its spheres, in that of the scene, in a table."""
+    """Return a scene with a table of densities: `best` (N,) times the density of the scene."""
     return scene.with_values({"packing.table": {"density": (scene.sphere.density * best).tolist()}})

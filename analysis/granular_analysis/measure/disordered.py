@@ -1,17 +1,19 @@
-"""The coherent second harmonic of disordered crystals, over seeds.
+"""Coherent second harmonic of disordered crystals, averaged over seeds.
 
-In a disordered crystal part of the wave is scattered from k into 2k, at its own frequency and in first order, and hides
-the second harmonic. Two runs of one crystal whose waves differ in sign alone part the two:
+A disordered crystal scatters part of the wave from k into 2k, in first order and at the wave's own frequency, which
+hides the second harmonic. Two runs of one crystal whose waves differ only in sign separate the two:
 
     even part (u₊ + u₋)/2: second order and fourth, ...        odd part (u₊ − u₋)/2: first order and third, ...
 
-Of the even part the amplitude C₂(τ) of e^{2ik·r} along k is averaged over the seeds: the *coherent* second harmonic,
-as a detector wider than the crystal would see it. Its strength is the root of the mean over τ of
-|⟨C₂⟩|² − var(C₂)/n, which has no bias by what n seeds leave of the incoherent part; √⟨|C₂|²⟩ is the whole part at 2k.
+C₂(τ) is the amplitude of e^{2ik·r} along k in the even part. Its average over the seeds is the *coherent* second
+harmonic, as a detector wider than the crystal would see it. The strength of the coherent part is the root of the mean
+over τ of |⟨C₂⟩|² − var(C₂)/n; the second term removes the incoherent part that n seeds leave in |⟨C₂⟩|². √⟨|C₂|²⟩ is
+the strength of both parts together.
 
-Standard errors are those of the jackknife over seeds, in which what seeds share is no error: the finite cell, the step.
+Standard errors come from the jackknife over seeds. They do not contain errors that all seeds share: of the finite cell
+and of the time step.
 
-`over_seeds` makes the runs that this takes of one scene: waves of both signs in its crystals and in the perfect one.
+`over_seeds` makes the runs of one scene: waves of both signs in its crystals and in the perfect one.
 """
 
 from collections import defaultdict
@@ -33,7 +35,7 @@ from granular_lmp.runs.record import Record, Scene
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-# Traits of runs that are measured here: plane waves in periodic sheets
+# Allowed traits of the runs: plane waves in periodic sheets
 MEASURED = (
     catalogue.HOLDS["second-order"] - {*catalogue.HELD, catalogue.JKR, catalogue.OBLIQUE}
     | {catalogue.SLIDING, catalogue.OPENING, catalogue.COMPRESSED}
@@ -48,30 +50,30 @@ class Value(NamedTuple):
     error: float
 
     def __truediv__(self, unit: float) -> "Value":
-        """Return both in another unit."""
+        """Return value and error divided by a unit."""
         return Value(self.value / unit, self.error / unit)
 
 
 def refuse(record: Record) -> None:
-    """Raise ValueError for a run with anything that these measures do not know, by name."""
+    """Raise ValueError with the names of the traits of a run that these measures leave out."""
     if left := sorted(traits_of(record) - MEASURED):
-        raise ValueError(f"{record.folder}: {', '.join(left)}: the figures of disorder leave it out")
+        raise ValueError(f"{record.folder}: the measures of disorder leave out {', '.join(left)}")
 
 
 def coherent(record: Record, fields: Floats, harmonic: int = 1) -> Complexes:
-    """Return the amplitudes (T, 2) of e^{ink·r}, n = `harmonic`, along k and across, of fields (T, N, 2).
+    """Return the amplitudes (T, 2) of e^{ink·r} in fields (T, N, 2), along k and across; n = `harmonic`.
 
-    Phases are those at the places in the lattice, from which spheres at rest are a few Δ0 away; the cell holds whole
-    waves, so this is the discrete Fourier transform.
+    r are the sites of the perfect lattice, from which spheres at rest are a few Δ0 away. The cell holds whole waves, so
+    this is the discrete Fourier transform. The amplitudes have the unit of the fields.
 
-    Raises ValueError where nk and −nk are one wave vector of the lattice.
+    Raises ValueError if nk and −nk are the same wave vector of the lattice.
     """
     shape, places = record.scene.shape, Sites.of(record.scene).place / 2  # lattice constants
     places = places - places[shape.centre_row * shape.columns + shape.columns // 2]
     k = harmonic * wavevector_of(record.scene.wavenumber, record.scene.direction)
     if np.allclose(np.exp(2j * places @ k), 1, atol=1e-6):
         raise ValueError(
-            f"{record.folder}: {harmonic}k is half a reciprocal wave vector: its wave has no direction; "
+            f"{record.folder}: {harmonic}k is half a reciprocal lattice vector, so its wave has no direction; "
             "take another wave.wavenumber"
         )
     amplitudes = 2 / len(places) * np.einsum("tnc,n->tc", fields, np.exp(-1j * places @ k))
@@ -79,9 +81,10 @@ def coherent(record: Record, fields: Floats, harmonic: int = 1) -> Complexes:
 
 
 def jackknife(estimate: Callable[[Complexes], ArrayLike], samples: Complexes) -> tuple[Floats, Floats]:
-    """Return an estimate from samples (n, ...) and its standard error by leaving out one at a time.
+    """Return an estimate from samples (n, ...) and its standard error, by leaving out one sample at a time.
 
-    The error is nan for one sample. Raises ValueError without any.
+    The error is √((n − 1)/n Σ_i (e_i − ē)²) with e_i the estimate without sample i; it is nan for one sample. Raises
+    ValueError without samples.
     """
     n = len(samples)
     if n == 0:
@@ -94,7 +97,7 @@ def jackknife(estimate: Callable[[Complexes], ArrayLike], samples: Complexes) ->
 
 
 def strength(amplitudes: Complexes) -> float:
-    """Return the coherent strength of C (n, T): the root of the mean over τ of |⟨C⟩|² − var(C)/n, 0 if negative."""
+    """Return the coherent strength of C (n, T), the root of the mean over τ of |⟨C⟩|² − var(C)/n; 0 if negative."""
     n = len(amplitudes)
     power = np.abs(amplitudes.mean(axis=0)) ** 2
     if n > 1:
@@ -103,7 +106,7 @@ def strength(amplitudes: Complexes) -> float:
 
 
 def whole_strength(amplitudes: Complexes) -> float:
-    """Return √⟨|C|²⟩ over seeds and τ: coherent and incoherent part together."""
+    """Return √⟨|C|²⟩ over seeds and τ, the strength of coherent and incoherent part together."""
     return float(np.sqrt(np.mean(np.abs(amplitudes) ** 2)))
 
 
@@ -114,9 +117,9 @@ def mean_strength(amplitudes: Complexes) -> Value:
 
 
 def even_parts(runs: Iterable[Record]) -> Complexes:
-    """Return C₂(τ) along k (n, T) of the even part of every pair of runs of one wave, by seed.
+    """Return C₂(τ) along k, (n, T) in D0, of the even part of each pair of runs, in the order of the seeds.
 
-    Raises ValueError for a run without its other sign (`wave.phase` 0 and π).
+    Raises ValueError for a seed without exactly two runs, one of each sign (`wave.phase` 0 and π).
     """
     seeds: dict[int, list[Record]] = defaultdict(list)
     for record in runs:
@@ -132,9 +135,13 @@ def even_parts(runs: Iterable[Record]) -> Complexes:
 
 
 class Seeds(NamedTuple):
-    """The second harmonic of a scene over seeds: C₂ of its crystals (n, T) and of the perfect one (1, T), in D0.
+    """Second harmonic of a scene over n seeds.
 
-    scene is the one that ran.
+    Attributes
+    ----------
+    scene : the scene that ran.
+    tau : (T,).
+    amplitudes, perfect : C₂ of the disordered crystals (n, T) and of the perfect one (1, T), in D0.
     """
 
     scene: Scene
@@ -144,7 +151,7 @@ class Seeds(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Return s = σ 2R/Δ0 of the radii."""
+        """Return s = σ 2R/Δ0, with σ the relative standard deviation of the radii."""
         return float(self.scene.disorder.radius / self.scene.sphere.overlap_ratio)
 
     @property
@@ -159,23 +166,23 @@ class Seeds(NamedTuple):
 
 
 def over_seeds(scene: Scene, count: int, folder: str | Path) -> Seeds:
-    """Run the crystals of a scene with the seeds 1 to `count`, and the perfect one, each with waves of both signs.
+    """Run the crystals of a scene with the seeds 1 to `count`, and the perfect crystal, each with waves of both signs.
 
-    The command granular-lmp runs them, as sweeps in `folder`; those that are finished are not run again. Contacts may
-    open, and snapshots are taken twenty times where the scene asks for none.
+    The command granular-lmp runs them as sweeps in `folder`, and skips finished runs. Contacts may open. If the scene
+    asks for no snapshots, there are twenty.
 
-    Raises ValueError for fewer than two seeds, a scene without disorder, or that these measures do not know, and for
-    runs that fail.
+    Raises ValueError for fewer than two seeds, for a scene without disorder or with traits that these measures leave
+    out, and for runs that fail.
     """
     if count < 2:
-        raise ValueError(f"{count} seed: must be two or more, as the error is found from how seeds differ")
+        raise ValueError(f"{count} seed: must be at least two, as the error comes from the spread over seeds")
     if not (scene.wave and (scene.disorder.radius or scene.disorder.density)):
-        raise ValueError("disorder.radius = 0: must be above 0, or disorder.density, in the scene of a wave")
+        raise ValueError("the scene must have a wave, and disorder.radius or disorder.density above 0")
     apart = scene.output.particles or max(scene.time.duration / 20, scene.time.sample)
     scene = scene.with_values({"effects.contact_opening": True, "output.particles": apart})
     with TemporaryDirectory() as short:
         if left := sorted(traits_of(begun(scene, short)) - MEASURED):
-            raise ValueError(f"{', '.join(left)}: the mean over seeds leaves that out")
+            raise ValueError(f"the mean over seeds leaves out {', '.join(left)}")
     signs, seeds = "wave.phase=0.0,3.141592653589793", f"disorder.seed=1:{count}:{count}"
     equal = scene.with_values({"disorder.radius": 0.0, "disorder.density": 0.0})
     perfect = run_sweep(equal, Path(folder, "perfect"), signs)

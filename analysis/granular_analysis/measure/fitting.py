@@ -1,10 +1,12 @@
-"""Keys of a scene from measured points, by least squares through the theory of waves, second order, and chains.
+"""Least-squares fit of keys of a scene to measured points.
 
-Frequencies are those of the modes of the scene's crystal (`granular_analysis.theory.scenes.Setting`), or of surface
-waves of its substrate (`granular_analysis.measure.surface`), second harmonics those of the theory of second order,
-arrivals and front speeds of an impact those of Hertz's springs, integrated (`granular_analysis.measure.arrivals`), and
-traces the motion of spheres in a whole run of the network, with its exact slopes
-(`granular_analysis.measure.traced_runs`).
+| measured | predicted by |
+|---|---|
+| frequency | modes of the scene's crystal (`granular_analysis.theory.scenes.Setting`) |
+| frequency of a surface wave | `granular_analysis.measure.surface` |
+| second harmonic | theory of second order |
+| arrival, front speed | integration of Hertz's springs (`granular_analysis.measure.arrivals`) |
+| trace | motion of spheres in a run of the network, with exact slopes (`granular_analysis.measure.traced_runs`) |
 """
 
 from collections.abc import Callable, Sequence
@@ -29,19 +31,22 @@ from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
 _APART = 1e-5  # relative change of a key for a difference
-_NEXT_TO_0 = 1e-3  # rad per row: frequencies there are those at 0 to 1e-6, and branches of one frequency part
+_NEXT_TO_0 = 1e-3  # rad per row, in place of 0: frequencies change by 1e-6, and degenerate branches split
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Measured points and the keys of a scene that are free.
+    """Measured points and the free keys of a scene.
 
     Attributes
     ----------
-    scene : gives every other key, and where the search starts.
-    points : measured.
-    keys : free ones, each a number.
-    loss : see `estimate`.
+    scene : the scene with all other keys; its values of the free keys start the search.
+    points : measured points, N.
+    keys : free keys, P; each has a number as value.
+    loss : as in `granular_analysis.theory.estimation.estimate`.
+
+    Raises ValueError without a free key, for a key named twice, for errors given to some of the points only, and for
+    points of several kinds without errors.
     """
 
     scene: Scene
@@ -57,14 +62,14 @@ class Fit:
         given = [each.error is not None for each in self.points]
         if any(given) and not all(given):
             line = self.points[given.index(False)].line
-            raise ValueError(f"line {line}: has no error, and others have; give all points one, or none")
+            raise ValueError(f"line {line}: has no error, and others have one; give an error for all points, or none")
         alike = {each.kind.partition("_")[0] if each.of_trace else each.kind for each in self.points}
         if len(alike) > 1 and not all(given):
             raise ValueError("points of several kinds need their errors, which set their weights")
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the free keys with their ranges; ValueError for one that is no number of the scene."""
+        """Return the free keys with start and range; raise ValueError for a key that is not a number of the scene."""
         return tuple(self._parameter(key) for key in self.keys)
 
     def _parameter(self, key: str) -> Parameter:
@@ -82,10 +87,10 @@ class Fit:
         return Parameter(key, float(value), float(low), float(high))
 
     def _refuse_undeclared(self, key: str, section: str, name: str) -> NoReturn:
-        """Raise ValueError or SceneError for a key that no scene has, or that has no value in this one."""
+        """Raise ValueError or SceneError for a key that no scene has, or that has no value in this scene."""
         if section in self.scene.layout.sections and name in [own.name for own in self.scene.keys_of(section)]:
-            raise ValueError(f"--free {key}: has no value in the scene; give one, from which the search starts")
-        self.scene.with_values({key: 1.0})  # which names the key that is nearly the same
+            raise ValueError(f"--free {key}: has no value in the scene; give the value from which the search starts")
+        self.scene.with_values({key: 1.0})  # its error suggests the nearest key
         raise ValueError(f"--free {key}: must be a number that the scene declares")
 
     def at(self, values: Floats) -> Scene:
@@ -93,7 +98,7 @@ class Fit:
         return self.scene.with_values(dict(zip(self.keys, map(float, values), strict=True)))
 
     def predicted(self, values: Floats) -> Floats:
-        """Return what the points would be, (N,), for values of the free keys."""
+        """Return the predicted points (N,), in SI units, for values (P,) of the free keys."""
         scene, found = self.at(values), np.empty(len(self.points))
         if self._traced.any():
             found[self._traced] = self._traces.predicted(scene)
@@ -101,7 +106,7 @@ class Fit:
         return found
 
     def _others(self, scene: Scene) -> Floats:
-        """Return what the points would be that are of no trace."""
+        """Return the predictions for the points that are not of a trace."""
         points = [each for each in self.points if not each.of_trace]
         found, kinds = np.empty(len(points)), [_theory(each) for each in points]
         for kind, rule in _RULES.items():
@@ -120,13 +125,13 @@ class Fit:
 
     @cached_property
     def remarks(self) -> dict[str, None]:
-        """Why slopes of traces were differences of runs, as far as a search has met it."""
+        """Reasons, as keys, why slopes of traces were differences of runs; a search adds them as it meets them."""
         return {}
 
     def slopes(self, values: Floats) -> Floats:
-        """Return the slopes of the points by the values of the free keys, (N, P).
+        """Return the slopes of the points with respect to the free keys, (N, P).
 
-        Those of traces are exact, unless `remarks` say why not; all others are differences.
+        Slopes of traces are exact, unless `remarks` says why not; all others are differences.
         """
         found, others, whole = np.empty((len(self.points), len(self.keys))), ~self._traced, False
         try:
@@ -142,17 +147,18 @@ class Fit:
 
     @cached_property
     def at_start(self) -> Floats:
-        """Return what the points would be, (N,), for the values that the scene declares."""
+        """Return the predicted points (N,) for the values that the scene declares."""
         return self.predicted(np.array([each.start for each in self.parameters]))
 
     def answer(self) -> Estimate:
-        """Return the estimate.
+        """Return the least-squares estimate of the free keys.
 
-        Raises ValueError for a scene or a point that no theory here holds, GranularError for values that leave it.
+        Raises ValueError for a scene or a point that no theory here holds, and GranularError for declared values that
+        a scene may not have.
         """
         errors = [each.error for each in self.points if each.error is not None]
         start = np.array([each.start for each in self.parameters])
-        # Its refusals at the start are the answer, and searches ask again where they start and end
+        # A refusal at the start is the error of the fit; a search asks twice for its first and its last values
         known = {start.tobytes(): self.at_start}
 
         def model(values: Floats) -> Floats:
@@ -166,14 +172,14 @@ class Fit:
         return estimate(self.parameters, model, measured, errors or None, self.loss, slopes)
 
     def _tried(self, values: Floats) -> Floats:
-        """Return what the points would be, nan for values that a scene may not have."""
+        """Return the predicted points (N,); nan for values that a scene may not have."""
         try:
             return self.predicted(values)
         except (GranularError, ValueError):
             return np.full(len(self.points), np.nan)
 
     def branches(self, values: Floats) -> list[str]:
-        """Return the branch of each point: its own word, or the number, from 1, of the nearest of a frequency."""
+        """Return the branch of each point: as the table names it, or the number, from 1, nearest to its frequency."""
         found = [each.branch for each in self.points]
         near = [n for n, each in enumerate(self.points) if each.kind == "frequency" and not each.branch]
         if near:
@@ -184,7 +190,7 @@ class Fit:
 
 
 def _difference(rule: Callable[[Floats], Floats], values: Floats, change: Floats) -> Floats:
-    """Return how a rule changes with a change of its values: half of that to both sides, or to one next to a bound."""
+    """Return the change of a rule when its values change by `change`: a central difference, one-sided at a bound."""
     ends = []
     for way in (1, -1):
         try:
@@ -198,12 +204,12 @@ def _difference(rule: Callable[[Floats], Floats], values: Floats, change: Floats
 
 
 def _theory(point: Point) -> str:
-    """Return the kind of a point by its theory; surface waves are one of their own."""
+    """Return the key of `_RULES` for a point."""
     return BRANCH if is_surface_wave(point) else {"speed": "arrival"}.get(point.kind, point.kind)
 
 
 def wavevectors(setting: Setting, points: Sequence[Point]) -> Floats:
-    """Return the wave vectors of points (N, 2), 1/m; at k = 0 those next to it, where branches still have names."""
+    """Return the wave vectors of points, (N, 2) in rad/m; at least 1e-3 rad per row, as branches have no names at 0."""
     unit, along = setting.unit, setting.scene.direction
     lengths = [each.wavenumber * (unit if each.unit == "rad/row" else 1.0) for each in points]
     degrees = [along if each.direction is None else each.direction for each in points]
@@ -212,7 +218,7 @@ def wavevectors(setting: Setting, points: Sequence[Point]) -> Floats:
 
 
 class _Found(NamedTuple):
-    """The crystal of a scene, the wave vectors of points (N, 2) in 1/m, and its modes there."""
+    """The crystal of a scene, the wave vectors of points (N, 2) in rad/m, and its modes there."""
 
     crystal: Crystal
     wavevectors: Floats
@@ -220,14 +226,14 @@ class _Found(NamedTuple):
 
 
 def _modes(scene: Scene, points: Sequence[Point]) -> _Found:
-    """Return the modes of the crystal of a scene at points."""
+    """Return the modes of a scene's crystal at the wave vectors of points."""
     setting = Setting(scene)
     crystal, k = setting.crystal(), wavevectors(setting, points)
     return _Found(crystal, k, crystal.modes(k))
 
 
 def _branches(found: _Found, points: Sequence[Point]) -> NDArray[np.intp]:
-    """Return which branch each point is, (N,): by name, by number, or the nearest."""
+    """Return the index of the branch of each point, (N,): by its name, by its number, or the nearest in frequency."""
     hertz = found.modes.frequencies / (2 * np.pi)
     chosen = np.argmin(np.abs(hertz - np.array([each.value for each in points])[:, None]), axis=1)
     numbers = [str(branch + 1) for branch in range(hertz.shape[1])]
@@ -244,7 +250,7 @@ def _branches(found: _Found, points: Sequence[Point]) -> NDArray[np.intp]:
 
 
 def _named(found: _Found, number: int, name: str, known: dict[bytes, dict[str, int]]) -> int:
-    """Return the branch of a name at the wave vector of a point; names found are kept in `known`."""
+    """Return the index of the branch with a name at the wave vector of a point; `known` caches names by vector."""
     if len(found.crystal) == 1 and found.crystal.freedoms in (PLANE, PLANE[:2]):  # the modes are there already
         return int(branch_among(name, in_plane(found.modes.shapes[number]), found.wavevectors[number]))
     place = found.wavevectors[number].tobytes()
@@ -254,7 +260,7 @@ def _named(found: _Found, number: int, name: str, known: dict[bytes, dict[str, i
 
 
 def _frequencies(scene: Scene, points: Sequence[Point]) -> Floats:
-    """Return the frequencies of waves, Hz."""
+    """Return the frequencies of waves in the crystal, Hz."""
     found = _modes(scene, points)
     chosen = _branches(found, points)
     return np.take_along_axis(found.modes.frequencies, chosen[:, None], axis=1)[:, 0] / (2 * np.pi)
@@ -267,7 +273,7 @@ def _surface_waves(scene: Scene, points: Sequence[Point]) -> Floats:
 
 
 def _harmonics(scene: Scene, points: Sequence[Point]) -> Floats:
-    """Return the amplitudes |C| of second harmonics in m, each of its own wave, from the start of the wave."""
+    """Return the amplitudes |C| of second harmonics in m, each for its own wave number, amplitude and time."""
     setting, waves = Setting(scene), dict[tuple[float, float], list[int]]()  # points of one wave at several times
     for n, each in enumerate(points):
         xi = each.wavenumber * (1.0 if each.unit == "rad/row" else 1 / setting.unit)
@@ -276,7 +282,7 @@ def _harmonics(scene: Scene, points: Sequence[Point]) -> Floats:
     for (xi, amplitude), chosen in waves.items():
         numbers = {"wave.wavenumber": xi} if xi else {}
         own = scene.with_values({"wave.amplitude": amplitude / scene.sphere.static_overlap} | numbers)
-        # The number itself, also where a periodic cell of the scene rounds it
+        # The measured wave number, even if a periodic cell of the scene would round it
         fields, _ = Setting(own, numbers).harmonic([points[n].time / own.sphere.time_scale for n in chosen])
         found[chosen] = np.linalg.norm(fields, axis=1) * amplitude
     return found
@@ -291,7 +297,7 @@ _RULES: dict[str, Callable[[Scene, Sequence[Point]], Floats]] = {
 
 
 def summary(fit: Fit, found: Estimate) -> dict[str, Any]:
-    """Return the plain values of a fit, as its JSON holds them; None where there is none."""
+    """Return a fit as plain values for its JSON; None stands for nan and inf."""
 
     def plain(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None

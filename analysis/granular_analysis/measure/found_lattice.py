@@ -1,8 +1,8 @@
-"""The lattice of spheres whose places alone are known: its vectors are translations that map the spheres on themselves.
+"""Lattice of spheres of which only the places are known. Its vectors are translations that map spheres onto spheres.
 
-*Good values*: a crystal of at least a few cells each way, spheres within 0.15 of the smallest distance of their sites,
-and vacancies at up to a fifth of them. *When it breaks*: a crystal whose outline is far from a box loses so many images
-at its edges that no translation is left.
+*Good values*: a crystal of at least a few cells each way, spheres within 0.15 of the smallest distance from their
+sites, and vacancies at up to a fifth of the sites. *When it breaks*: if the outline of the crystal is far from a box,
+too many images fall outside at its edges, and no translation is found.
 """
 
 from itertools import product
@@ -15,25 +15,25 @@ from scipy.spatial import cKDTree
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
-NEAR = 0.15  # of the smallest distance: an image this near to a sphere is that sphere
-_SHARE = 0.8  # of the images inside the crystal that must be spheres
-_CANDIDATES = 40  # neighbours of one kind to which a translation may lead
+NEAR = 0.15  # an image within this share of the smallest distance from a sphere coincides with it
+_SHARE = 0.8  # least share of images inside the crystal that coincide with spheres
+_CANDIDATES = 40  # neighbours of one kind that are tried as translations
 _FLAT = 1e-3  # sine of an angle below which vectors are parallel, or in one plane
 
 
 class FoundLattice(NamedTuple):
-    """Vectors of a lattice (d, 3), shortest first, and the site in the cell of each sphere (N,)."""
+    """A lattice: its vectors (d, 3), shortest first, and for each sphere the number of its site in the cell, (N,)."""
 
     vectors: Floats
     site: Integers
 
     @property
     def reciprocal(self) -> Floats:
-        """Vectors of the reciprocal lattice, (d, 3), in rad over the length."""
+        """Vectors of the reciprocal lattice, (d, 3), in rad per unit of length."""
         return np.asarray(2 * np.pi * np.linalg.pinv(self.vectors).T)
 
     def zone_edge(self, way: Floats) -> float:
-        """Return the wave number at which the first zone ends along a unit vector; inf if it does not."""
+        """Return the wave number of the edge of the first Brillouin zone along a unit vector (3,); inf without one."""
         if not len(self.vectors):
             return float("inf")
         every = np.array([each for each in product((-2, -1, 0, 1, 2), repeat=len(self.vectors)) if any(each)])
@@ -44,18 +44,18 @@ class FoundLattice(NamedTuple):
 
 
 def found_lattice(places: Floats, kinds: Integers, cell: Floats, periodic: NDArray[np.bool_]) -> FoundLattice:
-    """Return the lattice of spheres, which has no vectors where none is found.
+    """Return the lattice of spheres; a lattice that is not found has no vectors.
 
     Parameters
     ----------
     places : (N, 3) array
     kinds : (N,) array
-        Spheres of different kinds are not mapped on one another.
+        Kind of each sphere; a translation must map spheres onto spheres of the same kind.
     cell : (3, 3) array
         Edges of the box, one to a row.
     periodic : (3,) array of bool
     """
-    flat = np.ptp(places, axis=0) < _FLAT * np.ptp(places, axis=0).max()  # a period across a sheet is of the box alone
+    flat = np.ptp(places, axis=0) < _FLAT * np.ptp(places, axis=0).max()  # the box of a sheet repeats across it too
     images = _Images(places, kinds, cell, periodic & ~flat)
     vectors: list[Floats] = []
     for vector in images.candidates():
@@ -67,13 +67,13 @@ def found_lattice(places: Floats, kinds: Integers, cell: Floats, periodic: NDArr
 
 
 def _is_new(vector: Floats, others: list[Floats]) -> bool:
-    """Return whether a vector is independent of others."""
+    """Return whether a vector is linearly independent of others."""
     units = np.array([each / np.linalg.norm(each) for each in (*others, vector)])
     return bool(np.linalg.svd(units, compute_uv=False).min() > _FLAT)
 
 
 def _sites(places: Floats, kinds: Integers, vectors: Floats, near: float) -> Integers:
-    """Return the site in the cell of each sphere, counted from 0; by kind alone where a cell would have many."""
+    """Return the number of the site in the cell of each sphere, from 0; its kind if a cell has more than 40 sites."""
     if not len(vectors):
         return kinds
     inside = places @ np.linalg.pinv(vectors)
@@ -92,7 +92,7 @@ def _sites(places: Floats, kinds: Integers, vectors: Floats, near: float) -> Int
 
 
 class _Images:
-    """Spheres, and where translations lead them."""
+    """Spheres and their periodic images, to test translations."""
 
     def __init__(self, places: Floats, kinds: Integers, cell: Floats, periodic: NDArray[np.bool_]) -> None:
         self.kinds, self.cell, self.periodic = kinds, cell, periodic
@@ -108,7 +108,7 @@ class _Images:
         self.low, self.high = self.places.min(axis=0) - self.apart / 4, self.places.max(axis=0) + self.apart / 4
 
     def candidates(self) -> list[Floats]:
-        """Return the vectors from the sphere in the middle to others of its kind, shortest first."""
+        """Return the vectors from a sphere of the most common kind in the middle to others of its kind, by length."""
         common = np.bincount(self.kinds).argmax()
         own = np.flatnonzero(self.kinds == common)
         middle = own[np.argmin(np.linalg.norm(self.places[own] - self.places.mean(axis=0), axis=1))]
@@ -119,7 +119,7 @@ class _Images:
         return [each for each in vectors if np.linalg.norm(each) > self.apart / 2]
 
     def maps(self, vector: Floats) -> bool:
-        """Return whether a translation maps most spheres inside on others of their kind."""
+        """Return whether a translation maps 80 % or more of the spheres that stay inside onto spheres of their kind."""
         inside = (self.places + vector) @ self.back
         images = np.where(self.periodic, inside % 1.0, inside) @ self.cell
         there = np.all(self.periodic | ((images > self.low) & (images < self.high)), axis=1)

@@ -1,31 +1,32 @@
-"""The coherent second harmonic of a wave in a crystal, perfect or not, and its error.
+"""Coherent second harmonic of a wave in a perfect or imperfect crystal, with its error.
 
-A wave Re[U e^{i(k·r + θ)}], running or standing, fills a crystal at the start, r from the recorded sphere. What it has
-made to second order moves the spheres with e^{2iθ}. The coherent part of that is periodic along the wave,
+At the start a running or standing wave Re[U e^{i(k·r + θ)}] fills the crystal; r is counted from the recorded sphere.
+The motion of second order is proportional to e^{2iθ}. Its coherent part is periodic along the wave,
 
     u(r, τ) = Re[C(τ) e^{2ik·r}] + scattered,        C ∝ e^{2iθ},
 
-with C along k and across in D0. The scattered part has other wave vectors. What disorder scatters to 2k in first order
-turns with e^{iθ}: several phases part the two, and one run cannot. There are four ways:
+with C along k and across, in D0. The scattered part has other wave vectors. Disorder also scatters the wave into 2k, in
+first order; that part is proportional to e^{iθ}, so several phases θ separate the two, and a single run cannot. There
+are four methods:
 
-* **theory**, perfect crystals and layers: the second order of `granular_analysis.theory.scenes`. It has no ends:
-  between held rows it is what the middle does, until the waves of the ends arrive, while the other ways fit the whole
-  crystal;
-* **cell**, any spheres at rest without dashpots: the second order of `granular_analysis.theory.cell`, from the first
-  snapshot of a run. It takes no time step, and is the faster one of this and the next, at every size;
-* **network**, also with dashpots: it is integrated from the first snapshot with `PHASES` phases, at the amplitude a of
-  the run and at a/2. Of C(a) and C(a/2) follow the second order, which is C, and the fourth, its error;
-* **runs** of one scene that differ in `wave.phase`: C by least squares over the phases, e^{−2iθ} to e^{2iθ}, at each
-  snapshot, with the standard error of the fit. At equal distances six phases keep third order out of C, but not out of
-  the error.
+* **theory**, for perfect crystals and layers: second order of `granular_analysis.theory.scenes`. Its crystal has no
+  ends; between held rows it describes the middle until the waves from the ends arrive, while the other methods fit the
+  whole crystal;
+* **cell**, for any spheres at rest without dashpots: second order of `granular_analysis.theory.cell`, from the first
+  snapshot of a run. It has no time step, and at every size is faster than the network;
+* **network**, also with dashpots: integrated from the first snapshot with the phases `PHASES`, at the amplitude a of
+  the run and at a/2. C(a) and C(a/2) together give the second order, which is C, and the fourth, which is its error;
+* **runs** of one scene that differ in `wave.phase`: at each snapshot, a least-squares fit of e^{−2iθ} to e^{2iθ} over
+  the phases gives C and its standard error. Six equally spaced phases keep third order out of C, but not out of the
+  error.
 
-The error of theory and cell is an upper estimate of the next order, (a² + 2|θ|) times the largest |C| so far, with the
-phase θ(t) by which third order turns the wave in the perfect crystal (`granular_analysis.theory.validity.turned`). Of a
-cell a is the largest stretch over that which opens a contact, if that is larger, and θ grows with the mean square of
-both.
+The error of theory and cell is an upper estimate of the next order: (a² + 2|θ|) times the largest |C| so far, where
+θ(t) is the phase shift of the wave by third order in the perfect crystal (`granular_analysis.theory.validity.turned`).
+For a cell, a is at least the largest stretch of a contact over the stretch that opens it, and θ is multiplied by the
+mean square deformation of the contacts over that of the perfect crystal.
 
-When it breaks: where contacts open or slide, which is refused; at long times, as the error says; for runs whose cell is
-so short that 2k is no wave of its own.
+When it breaks: if contacts open or slide, which is refused; at long times, as the error says; in a cell so short that
+2k is not a wave of its own.
 """
 
 from collections.abc import Sequence
@@ -61,7 +62,7 @@ from granular_lmp.runs.record import Record, Scene
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-PHASES = 2 * np.pi / 6 * np.arange(6)  # the next orders that look like e^{2iθ} on them are the fourth, and higher ones
+PHASES = 2 * np.pi / 6 * np.arange(6)  # on these, the next order that looks like e^{2iθ} is the fourth
 ORDERS = np.arange(-2, 3)
 HELD_HERE = (HOLDS[NETWORK] | HELD) - {AT_REST, ENVELOPE, SLIDING, OPENING} - STRUCK - FACES - IN_SPACE
 RTOL = 1e-9
@@ -74,8 +75,8 @@ UNIFORM = {
     "disorder.density": 0.0,
     "disorder.vacancies": 0.0,
 }
-# Share of a start that is no plane wave at the places at rest, from which spheres of unequal radii lie overlaps away,
-# 1e-4 of a wavelength; one sphere of a thousand that a striker moves has more
+# Largest relative deviation of the start from a plane wave. Spheres of unequal radii rest an overlap away from their
+# sites, which gives 1e-4; a striker that moves one sphere of a thousand gives more than this limit
 PLANE_WAVE = 1e-2
 
 
@@ -85,11 +86,11 @@ class Harmonic:
 
     Attributes
     ----------
-    by : "theory", "cell", "network" or "runs".
-    scene : of the wave.
-    tau : (T,).
+    by : method: "theory", "cell", "network" or "runs".
+    scene : scene of the wave.
+    tau : (T,) times.
     amplitudes : (T, 2) complex, C along k and across, in D0.
-    errors : (T, 2), in D0; nan where unknown.
+    errors : (T, 2) errors in D0; nan if unknown.
     """
 
     by: str
@@ -100,7 +101,7 @@ class Harmonic:
 
     @property
     def way(self) -> str:
-        """Return how it was found, in words."""
+        """Return the method in words."""
         endless = self.by == "theory" and self.scene.shape.ends != "periodic"
         return "theory, of a crystal without ends" if endless else self.by
 
@@ -111,12 +112,12 @@ class Harmonic:
 
     @property
     def strength_error(self) -> Floats:
-        """Return the root mean square of the errors, (2,): at most so far is the strength off."""
+        """Return the root mean square of the errors over τ, (2,): a bound on the error of the strength."""
         return np.sqrt(np.mean(self.errors**2, axis=0))
 
 
 def by_theory(scene: Scene, tau: ArrayLike) -> Harmonic:
-    """Return the second harmonic of a scene's perfect crystal or layers at times τ (T,).
+    """Return the second harmonic at times τ (T,) by **theory**, for a scene with a perfect crystal or layers.
 
     Raises ValueError for a scene that `granular_analysis.theory.scenes` leaves out.
     """
@@ -126,10 +127,10 @@ def by_theory(scene: Scene, tau: ArrayLike) -> Harmonic:
 
 
 def by_cell(record: Record, tau: ArrayLike | None = None) -> Harmonic:
-    """Return the second harmonic of a run's spheres to second order, at times τ (T,); None: those of its record.
+    """Return the second harmonic of a run at times τ (T,), by default those of its record, by the **cell** method.
 
-    Raises ValueError for a run that is no wave which fills its crystal, whose contacts may slide or open, also by what
-    is found here, or that the cell leaves out.
+    Raises ValueError for a run without a plane wave that fills its crystal, for a run whose contacts may slide or open,
+    if the wave opens a contact, and for a run that `granular_analysis.theory.cell` leaves out.
     """
     started = _Started.of(record)
     first, times = started.first, record.tau if tau is None else np.asarray(tau, dtype=float)
@@ -139,7 +140,7 @@ def by_cell(record: Record, tau: ArrayLike | None = None) -> Harmonic:
     place, rate = ((part * size).T.ravel() for part in np.split(started.wave, 2))
     found = second_order(cell, place, rate, readout(started.places, started.wavevector), times * first.time)
     if found.reached.opening > 1:
-        raise ValueError(f"a contact is stretched {found.reached.opening:.3g} times as far as it holds: contacts open")
+        raise ValueError(f"the wave opens a contact: {found.reached.opening:.3g} times the stretch at which it opens")
     amplitudes = found.signal / first.length
     setting = Setting(record.scene.with_values(UNIFORM))
     lattice, mode = setting.crystal(), setting.mode().times(record.scene.displacement_amplitude)
@@ -151,15 +152,15 @@ def by_cell(record: Record, tau: ArrayLike | None = None) -> Harmonic:
 
 
 def _next_order(share: Floats, amplitudes: Complexes) -> Floats:
-    """Return the errors (T, 2) of amplitudes by their shares (T,): of the largest so far, as C passes through 0."""
+    """Return the errors (T, 2): shares (T,) of the largest |C| so far, because C itself passes through 0."""
     return share[:, None] * np.maximum.accumulate(np.abs(amplitudes), axis=0)
 
 
 def by_network(record: Record, tau: ArrayLike | None = None) -> Harmonic:
-    """Return the second harmonic of a run's crystal at times τ (T,); None: those of its record.
+    """Return the second harmonic of a run at times τ (T,), by default those of its record, by the **network** method.
 
-    Raises ValueError for a run that is no wave which fills its crystal, whose contacts may slide or open, or that the
-    network leaves out.
+    Raises ValueError for a run without a plane wave that fills its crystal, for a run whose contacts may slide or open,
+    and for a run that the network leaves out.
     """
     started = _Started.of(record)
     times = record.tau if tau is None else np.asarray(tau, dtype=float)
@@ -169,9 +170,10 @@ def by_network(record: Record, tau: ArrayLike | None = None) -> Harmonic:
 
 
 def by_runs(records: Sequence[Record]) -> Harmonic:
-    """Return the second harmonic of runs that differ in `wave.phase`, at their snapshots; θ is that of the first.
+    """Return the second harmonic at the snapshots of **runs** that differ in `wave.phase`; C has the θ of the first.
 
-    Raises ValueError for fewer than six phases, and runs that differ in more.
+    Raises ValueError for fewer than six phases, for phases that do not separate the orders, and for runs that differ in
+    more than the phase.
     """
     for record in records:
         _refuse(record)
@@ -185,14 +187,15 @@ def by_runs(records: Sequence[Record]) -> Harmonic:
 
 
 def over_phases(phases: ArrayLike, values: Complexes) -> tuple[Complexes, Floats]:
-    """Return what turns with e^{2iθ} in values (n, ...) at phases θ (n,), and its standard error.
+    """Return the coefficient of e^{2iθ} in values (n, ...) at phases θ (n,), and its standard error.
 
-    Raises ValueError where fewer than six phases, or those, do not tell the orders −2 to 2 apart.
+    Least squares with the orders e^{−2iθ} to e^{2iθ}. Raises ValueError for fewer than six phases, and for phases that
+    do not separate these orders. Good values: six phases, π/3 apart.
     """
     angle = np.asarray(phases, dtype=float)
     basis = np.exp(1j * np.multiply.outer(angle, ORDERS))
     if len(angle) <= len(ORDERS) or np.linalg.matrix_rank(basis, tol=1e-3) < len(ORDERS):
-        raise ValueError(f"wave.phase has {len(angle)} values that do not separate the orders; take six, pi/3 apart")
+        raise ValueError(f"wave.phase has {len(angle)} values that do not separate the orders; use six, pi/3 apart")
     inverse = np.linalg.pinv(basis)
     flat = values.reshape(len(angle), -1)
     fitted = inverse @ flat
@@ -208,7 +211,7 @@ def _refuse(record: Record) -> None:
 
 
 def _places(record: Record, first: FirstSnapshot) -> tuple[Floats, Floats]:
-    """Return places (N, 2) from the recorded sphere, and k (2,) that fits the cell, which rests a little strained."""
+    """Return places (N, 2) from the recorded sphere, and k (2,) fitted to the cell, which is slightly strained."""
     network = first.network
     wanted = Setting(record.scene).wavevector() * record.scene.sphere.radius / first.radius
     cell = np.array(network.cell)
@@ -219,14 +222,14 @@ def _places(record: Record, first: FirstSnapshot) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class _Started:
-    """A run at its start, as the wave Re[Z e^{iθ}] whose real part is the motion there.
+    """Start of a run as a complex wave Z: the motion with phase θ is Re[Z e^{iθ}].
 
     Attributes
     ----------
     first : the first snapshot.
-    places : (N, 2) from the recorded sphere.
+    places : (N, 2) places from the recorded sphere.
     wavevector : (2,) k.
-    wave : (6, N) Z of displacement, rotation, velocity and spin; held spheres have none.
+    wave : (6, N) Z of displacement, rotation, velocity and spin; 0 for held spheres.
     """
 
     first: FirstSnapshot
@@ -236,7 +239,7 @@ class _Started:
 
     @classmethod
     def of(cls, record: Record) -> "_Started":
-        """Return the start of a run; ValueError for one that is no plane wave, or that a second harmonic leaves out."""
+        """Return the start of a run; raise ValueError if it is not a plane wave, or has traits that are left out."""
         _refuse(record)
         first = first_snapshot(record)
         places, k = _places(record, first)
@@ -248,11 +251,11 @@ class _Started:
         for rows in (slice(3), slice(3, 6)):
             left = (size * (motion - (basis @ weights).T))[rows]
             if np.linalg.norm(left) > PLANE_WAVE * np.linalg.norm((size * motion)[rows]):
-                raise ValueError("the first snapshot is no plane wave that fills the cell")
+                raise ValueError("the first snapshot is not a plane wave that fills the cell")
         return cls(first, places, k, (weights[0] + 1j * weights[1])[:, None] * np.exp(1j * phase) * free)
 
     def over_phases(self, share: float, tau: Floats) -> Complexes:
-        """Return C (T, 2) of the network from starts Re[share Z e^{iθ}] over `PHASES`, in D0 of the run."""
+        """Return C (T, 2) of the network, in D0 of the run, for the starts Re[share Z e^{iθ}] with θ in `PHASES`."""
         found = []
         for phase in PHASES:
             motion = np.real(share * self.wave * np.exp(1j * phase))
@@ -264,9 +267,9 @@ class _Started:
 
 
 def readout(places: Floats, wavevector: Floats) -> Complexes:
-    """Return P (2, 3N) of which P·Y is C along k and across, of a field Re[Y e^{2iθ}] of spheres at places (N, 2).
+    """Return the matrix P (2, 3N) with P·Y = C along k and across, for a field Re[Y e^{2iθ}] at places (N, 2).
 
-    It is that of `granular_analysis.measure.coherent.project`, for what turns with e^{2iθ}.
+    The fit is that of `granular_analysis.measure.coherent.project`, restricted to motion proportional to e^{2iθ}.
     """
     phase = places @ wavevector
     waves = [wave(n * phase) for n in HARMONICS for wave in (np.cos, np.sin)]

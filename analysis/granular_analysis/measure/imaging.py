@@ -1,12 +1,13 @@
-"""Images of a crystal by what was recorded of a few of its spheres: contacts or spheres that differ from its scene.
+"""Images of a crystal from the recorded motion of a few spheres: which contacts or spheres differ from the scene.
 
-A shot is a record (`granular_analysis.measure.traces`) and the scene of the crystal as it is thought to be, with the
-sources that made the record. The run is sampled at the times of the record, or between them, at splines through it.
+A shot is a record (`granular_analysis.measure.traces`) and a scene: the crystal as it is assumed to be, with the
+sources that made the record. The run has samples at the times of the record; if its steps do not allow that, the record
+is interpolated with splines.
 
-What is looked for are factors of a run (`granular_analysis.theory.network_factors`), all in one image: `OF`. A sphere
-that is missing is imaged as one without weight, or as contacts without stiffness.
+An image has one factor (`granular_analysis.theory.network_factors`) for each contact or each sphere; `OF` lists the
+quantities. A missing sphere appears as a sphere without mass, or as contacts without stiffness.
 
-When it breaks: where contacts open, close or slide, the record has a kink, and such a run is refused.
+When it breaks: if contacts open, close or slide, the record has a kink, and such a run is refused.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,7 +34,7 @@ __all__ = ["Shot", "Sought"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-# What is imaged, and whether there is one value for each contact or for each sphere
+# Quantity of an image: its factor of a run, and whether each contact or each sphere has a value
 OF: Mapping[str, tuple[str, str]] = {
     "contact.normal_stiffness": ("normal_stiffness", "contacts"),
     "contact.shear_stiffness": ("shear_stiffness", "contacts"),
@@ -41,22 +42,27 @@ OF: Mapping[str, tuple[str, str]] = {
     "density": ("density", "spheres"),
 }
 BOUNDS = (0.1, 5.0)
-LARGEST = 6000  # values, of which matrices take some GB
+LARGEST = 6000  # most values of an image; its matrices then take some GB
 PENALTIES = ("tikhonov", "tv")
-_EQUAL = 1e-3  # of the time between two samples
-_LOADED = 1e-6  # force at rest over the largest pull or push of a contact
+_EQUAL = 1e-3  # times that differ by less than this share of a sample are equal
+_LOADED = 1e-6  # a contact bears a load if its force at rest exceeds this share of its force and pull-off force
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A record beside the run that is to meet it.
+    """A record and the run that predicts it.
 
     Attributes
     ----------
-    scene : with every "auto" decided.
-    first : the crystal at its start.
-    run : records the measured spheres at the measured times.
-    measured, errors : (T + 1, 2f, n) in units of the deck, as of `granular_analysis.theory.network_objectives.misfit`.
+    scene : Scene
+        The scene with every "auto" decided.
+    first : FirstSnapshot
+        The crystal at its start.
+    run : Run
+        The run, which records the n measured spheres at T + 1 times.
+    measured, errors : (T + 1, 2f, n) array
+        Motion and its errors in units of the deck, as arguments of
+        `granular_analysis.theory.network_objectives.misfit`; an error is inf where nothing was measured.
     """
 
     scene: Scene
@@ -73,21 +79,21 @@ class Shot:
         ----------
         traces : Traces
         scene : Scene
-            Its time step is the longest of the run, its duration the longest record that is taken.
+            The scene limits the time step of the run, and its duration limits the length of the record.
         noise : float
             Standard deviation of the errors over the root mean square of the traces at the times of the run.
 
         Raises
         ------
         ValueError
-            For a scene that begins with a motion, and a record without a time, or a motion, after its start.
+            If the scene begins with a motion, or the record has no time or no motion after the start.
         GranularError, TheoryError
-            For places that the crystal lacks or has twice, and a scene that the network does not hold.
+            For a place without a sphere, a sphere with two traces, and a scene that the network does not hold.
         """
         if not 0 < noise < np.inf:
-            raise ValueError(f"noise = {noise:g}: must be the share of the errors in the records, above 0")
+            raise ValueError(f"noise = {noise:g}: must be finite and above 0, the errors over the size of the record")
         first, setting = first_of(scene)
-        if np.any(first.state.motion):  # whose part of the resolution is not known
+        if np.any(first.state.motion):  # `kernels`, which give the resolution, begin at rest
             raise ValueError(
                 f"{traces.said}: its scene begins with a motion; an image needs a crystal at rest and sources"
             )
@@ -99,14 +105,14 @@ class Shot:
         longest = min(float(traces.time[-1]) / scales.second, setting.scene.time.duration * scales.time)
         samples = int(longest / apart + _EQUAL)
         if samples < 1:
-            raise ValueError(f"{traces.said}: has no time after the start of the run, and within its duration")
+            raise ValueError(f"{traces.said}: has no time between the start and the end of the run")
         run = Run(network, first.state, apart / every, samples, every, spheres)
         measured = np.zeros((samples + 1, 2 * network.freedoms, len(spheres)))
         errors = np.full_like(measured, np.inf)
         speed = scales.metre / scales.second
         motion = traces.at(np.asarray(np.arange(samples + 1) * apart * scales.second))
         if not (size := rms(motion)):
-            raise ValueError(f"{traces.said}: has no motion after the start of the run, and within its duration")
+            raise ValueError(f"{traces.said}: has no motion between the start and the end of the run")
         for name, values in motion.items():
             rate = name.startswith("velocity")
             axis, unit = "xyz".index(name[-1]), speed if rate else scales.metre
@@ -119,24 +125,35 @@ class Shot:
 
     @cached_property
     def objective(self) -> Partial:
-        """Return χ² of a record."""
+        """Return χ² of the record as a function of a run."""
         return Partial(misfit, measured=self.measured, errors=self.errors)
 
     @property
     def points(self) -> int:
-        """Return how many numbers were measured."""
+        """Return the number of measured values."""
         return int(np.isfinite(self.errors).sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """The quantity that is imaged, by one or more shots of one crystal.
+    """A quantity to image with one or more shots of one crystal; P values.
 
     Attributes
     ----------
     shots : sequence of Shot
-    of : a key of `OF`.
-    kinks : take runs in which contacts open, close or slide, by the derivative of one side.
+        Shots of one crystal.
+    of : str
+        Key of `OF`.
+    kinks : bool
+        Allow runs in which contacts open, close or slide; the gradient then has the one-sided derivative there.
+
+    Raises
+    ------
+    ValueError
+        For an unknown quantity, shots of different crystals, and no values or more than `LARGEST`.
+    TheoryError
+        For stiffnesses of contacts that bear a load at rest, and, unless `kinks`, for contacts that open, close or
+        slide in a shot.
     """
 
     shots: Sequence[Shot]
@@ -150,7 +167,7 @@ class Sought:
         position = one.run.network.position
         for each in others:
             if not np.array_equal(each.run.network.position, position):
-                raise ValueError(f"{each.scene.name}: is another crystal than {one.scene.name}")
+                raise ValueError(f"{each.scene.name}: must be the same crystal as {one.scene.name}")
         if not len(self.owners):
             raise ValueError(f"{one.scene.name}: has no {OF[self.of][1]} to look for")
         if len(self.owners) > LARGEST:
@@ -160,7 +177,7 @@ class Sought:
         for each in self.shots:
             if (trouble := events(each.run, {}).trouble) and not self.kinks:
                 raise TheoryError(
-                    f"{each.scene.name}: {trouble}; an image needs records without kinks: take weaker sources"
+                    f"{each.scene.name}: {trouble}; an image needs records without kinks; use weaker sources"
                 )
 
     @property
@@ -170,17 +187,17 @@ class Sought:
 
     @property
     def name(self) -> str:
-        """Return the factor of a run."""
+        """Return the name of the factor in a run."""
         return OF[self.of][0]
 
     @property
     def points(self) -> int:
-        """Return how many numbers were measured."""
+        """Return the number of measured values in all shots."""
         return sum(each.points for each in self.shots)
 
     @cached_property
     def owners(self) -> Integers:
-        """Return the pairs of the contacts between two spheres, or the spheres that are free to move, (P,)."""
+        """Return the owners of the values, (P,): the pairs of closed contacts between spheres, or the free spheres."""
         network, pairs = self.first.network, self.first.state.pairs
         if OF[self.of][1] == "spheres":
             return np.flatnonzero(network.mobility[0] > 0)
@@ -188,7 +205,7 @@ class Sought:
 
     @property
     def _loaded(self) -> bool:
-        """Return whether a contact pushes or pulls at rest."""
+        """Return whether a contact transmits a force at rest."""
         pairs, own = self.first.state.pairs, self.owners
         touches = pairs.overlap > pairs.normal.end
         force = pairs.normal.repulsion(pairs.overlap, pairs.normal.radius(pairs.overlap, touches), touches)
@@ -196,18 +213,18 @@ class Sought:
 
     @cached_property
     def ends(self) -> Integers:
-        """Return both spheres of each contact, (P, 2); a sphere twice."""
+        """Return both spheres of each contact, (P, 2); for values of spheres, the sphere twice."""
         pairs, own = self.first.state.pairs, self.owners
         return np.stack([own, own] if OF[self.of][1] == "spheres" else [pairs.first[own], pairs.second[own]], axis=1)
 
     @property
     def sites(self) -> tuple[Integers, Integers]:
-        """Return the row and the column of each sphere, (N,)."""
+        """Return the row and the column of each sphere, (N,) each."""
         return sites(self.shots[0].scene, self.first.network.position)
 
     @cached_property
     def places(self) -> Floats:
-        """Return the middle of each contact, or the place of each sphere, in m, (P, d)."""
+        """Return the middle of each contact, or the place of each sphere, (P, d) in m."""
         place, pairs = self.first.network.position[self.ends[:, 0]], self.first.state.pairs
         if OF[self.of][1] == "contacts":
             place = place + pairs.apart[:, self.owners].T / 2
@@ -215,7 +232,7 @@ class Sought:
 
     @cached_property
     def neighbours(self) -> Integers:
-        """Return the contacts that share a sphere, or the spheres that touch, (E, 2)."""
+        """Return pairs of neighbouring values, (E, 2): contacts that share a sphere, or spheres that touch."""
         number = np.full(len(self.first.network.position), -1)
         if OF[self.of][1] == "spheres":
             number[self.owners] = np.arange(len(self.owners))
@@ -228,20 +245,20 @@ class Sought:
         return np.concatenate([each[np.stack(np.triu_indices(len(each), 1), axis=1)] for each in own])
 
     def factors(self, values: Floats) -> dict[str, Floats]:
-        """Return the factors of a run by values (P,)."""
+        """Return the factors of a run that has the values (P,) of the image, and 1 everywhere else."""
         found = self.shots[0].run.neutral(self.name)
         found[self.name][self.owners] = values
         return found
 
     def misfit(self, values: Floats) -> tuple[float, Floats]:
-        """Return χ² and its gradient."""
+        """Return χ² of all shots at values (P,), and its gradient (P,)."""
         factors = self.factors(values)
         found = [gradient(each.run, each.objective, factors, kinks=True) for each in self.shots]
         return sum(chi for chi, _ in found), np.sum([slope[self.name][self.owners] for _, slope in found], axis=0)
 
     @cached_property
     def curvature(self) -> Floats:
-        """Return 2 JᵀJ of the residuals of weak waves, (P, P), where no value differs from 1."""
+        """Return the curvature 2 JᵀJ of χ² for weak waves, (P, P), where all values are 1."""
         found = np.zeros((len(self.owners), len(self.owners)))
         for each in self.shots:
             for row, sphere, slopes in kernels(each.run, self.name, self.owners, each.errors):
@@ -250,7 +267,7 @@ class Sought:
         return found
 
     def trouble(self, values: Floats) -> str:
-        """Return what opened, closed or slid with values (P,), "" if nothing did."""
+        """Return a sentence on the contacts that opened, closed or slid with values (P,); "" if none did."""
         factors = self.factors(values)
         return "; ".join(filter(None, (events(each.run, factors).trouble for each in self.shots)))
 
@@ -263,16 +280,26 @@ class Sought:
         told: Callable[[Trial], None] = lambda _: None,
         kept: Sequence[Trial] = (),
     ) -> Image:
-        """Return the image.
+        """Return the image: the values that minimise χ² plus a weighted penalty (`granular_analysis.theory.imaging`).
 
         Parameters
         ----------
-        penalty : one of `PENALTIES`.
-        known : whether the errors of the shots are those of the records, which choose the weight; else the corner of
-            the L-curve does.
-        bounds : of all values.
-        told : called with each trial.
-        kept : trials of the same image that were made before.
+        penalty : str
+            One of `PENALTIES`.
+        known : bool
+            True if the errors of the shots are the true errors of the records: then χ² = N chooses the weight.
+            Otherwise the corner of the L-curve does.
+        bounds : pair of float
+            Lower and upper bound of all values, below and above 1.
+        told : callable
+            Called with each trial, for progress.
+        kept : sequence of Trial
+            Earlier trials of the same image, which are not made again.
+
+        Raises
+        ------
+        ValueError
+            For an unknown penalty, and for bounds that do not enclose 1.
         """
         if penalty not in PENALTIES:
             raise ValueError(f"penalty = {penalty!r}: must be one of {', '.join(PENALTIES)}")

@@ -1,14 +1,14 @@
-"""Distance of an estimate from its reference, and how fast it falls: what every comparison here measures."""
+"""Relative error of an estimate against its reference, and the order at which errors converge."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 
 def relative_error(estimate: ArrayLike, reference: ArrayLike) -> float:
-    """Relative L2 error ‖estimate − reference‖₂/‖reference‖₂ over all elements.
+    """Return the relative L2 error ‖estimate − reference‖₂/‖reference‖₂ over all elements of two equal shapes.
 
-    Raises ValueError for shapes that differ (nothing is broadcast), values that are not finite, and a reference that
-    is zero throughout. Blind to where an error sits: a short burst in a long signal weighs little.
+    Raises ValueError for different shapes (nothing is broadcast), values that are not finite, and a reference that is
+    zero throughout. When it breaks: a short burst of error in a long signal weighs little.
     """
     estimate, reference = np.asarray(estimate, dtype=float), np.asarray(reference, dtype=float)
     if estimate.shape != reference.shape:
@@ -17,20 +17,20 @@ def relative_error(estimate: ArrayLike, reference: ArrayLike) -> float:
         raise ValueError("estimate and reference must be finite")
     norm = np.linalg.norm(reference)
     if norm == 0:
-        raise ValueError("the reference is zero: no error is relative to it")
+        raise ValueError("the reference is zero, so a relative error is undefined")
     return float(np.linalg.norm(estimate - reference) / norm)
 
 
 def slope(x: ArrayLike, errors: ArrayLike) -> float:
-    """Exponent s of errors ≈ c xˢ, by least squares on log errors against log x.
+    """Return the exponent s of errors ≈ c xˢ, by least squares on log errors against log x.
 
     Parameters
     ----------
-    x : (N,) positive, at least two different values: amplitude or time step.
+    x : (N,) positive, with at least two different values, such as amplitudes or time steps.
     errors : (N,) positive.
 
-    Raises ValueError for anything else. Breaks where errors are rounding (too small an x) or not yet asymptotic (too
-    large): a mean slope is returned all the same.
+    Raises ValueError for other shapes or values. When it breaks: if x is so small that errors are rounding, or so large
+    that they are not yet asymptotic, the mean slope is returned without a warning.
     """
     x, errors = np.asarray(x, dtype=float), np.asarray(errors, dtype=float)
     if x.ndim != 1 or x.shape != errors.shape:

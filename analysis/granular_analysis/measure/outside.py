@@ -1,7 +1,7 @@
-"""Read what acts on the spheres of a run from outside: sources, a driven row, walls, loads, quiet ends.
+"""Actions from outside on the spheres of a run: sources, a driven row, walls, loads, quiet ends.
 
-All of it is said by the scene, in τ, D0, k1 D0 and k1 D0 R, but for the drag of quiet ends: its strength is a choice of
-the run, which its ``run.json`` holds. Walls stand where the spheres on them are at rest.
+The scene declares them in τ, D0, k1 D0 and k1 D0 R. Only the strength of the drag in quiet ends is chosen by the run,
+and read from ``run.json``. Walls stand where the spheres on them are at rest.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,7 +30,16 @@ FREE, WALL, CHAIN = "free", "wall", "chain"
 
 @dataclass(frozen=True)
 class Scales:
-    """Units of a record in units of its deck: D0 or ℓ, t0, k1, and R of the declared sphere; and kg, m, s in them."""
+    """Units of a record, and SI units, both in units of its deck.
+
+    Attributes
+    ----------
+    length : D0, or ℓ without a wave.
+    time : t0.
+    stiffness : k1; 0 for spheres that just touch.
+    radius : R of the declared sphere.
+    kilogram, metre, second : units of mass, length and time of the deck, in kg, m and s.
+    """
 
     length: float
     time: float
@@ -41,17 +50,17 @@ class Scales:
     second: float
 
     def material(self, declared: Any) -> Material:
-        """Return a declared material."""
+        """Return a declared material in units of the deck."""
         E, w = declared.youngs_modulus, declared.work_of_adhesion
         pressure, tension = self.kilogram / (self.metre * self.second**2), self.kilogram / self.second**2
         return Material(E / pressure, declared.poisson_ratio, w / tension)
 
 
 def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
-    """Return the walls, drives, drag and factors of measured stiffnesses of a run, as `Network` takes them.
+    """Return the walls, drives, drag and stiffness factors of a run by name, as arguments of `Network`.
 
-    Raises TheoryError for a place that is not in the lattice, for quiet ends whose drag the run does not say, and for a
-    wall that does not touch what must be at rest on it.
+    Raises TheoryError for a place outside the lattice, for quiet ends whose drag ``run.json`` lacks, and for a wall
+    that does not touch a sphere that must rest on it.
     """
     scene = record.scene
     driven = [] if scene.wave is None or scene.wave.form != "driven" else [_driven_row(scene, network, scales)]
@@ -63,13 +72,13 @@ def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
 
 
 def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
-    """Return the row and the column of each sphere at its place at rest, (N,) each, in the order of their numbers.
+    """Return the row and the column of each sphere, (N,) each.
 
-    Spheres are numbered row by row, those of a row column by column, with all layers of each. Where some are missing,
-    their places say which: relative to a row that is whole.
+    Spheres are numbered row by row, in a row column by column, in a column layer by layer. If spheres are missing, row
+    and column follow from `position`, the places at rest (N, d), relative to a complete row.
 
-    Raises TheoryError where spheres are missing in a lattice of another stacking than `granular_analysis.theory.scenes`
-    knows, or in all of its rows.
+    Raises TheoryError if spheres are missing in a lattice whose stacking `granular_analysis.theory.scenes` does not
+    know, or in every row.
     """
     packing, count = scene.packing, len(position)
     columns = int(packing.columns)
@@ -85,15 +94,15 @@ def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
     row = np.rint((y - y.min()) / spacing).astype(np.intp)
     whole = np.flatnonzero(np.bincount(row) == columns)
     if not len(whole):
-        raise TheoryError("vacancies: no row is whole, and the places of spheres are not known")
+        raise TheoryError("vacancies: no row is complete, so the columns of the spheres are unknown")
     first = np.flatnonzero(row == whole[0])[0]
-    parity = (row - scene.shape.centre_row) % 2  # every other row is shifted against that of the centre
+    parity = (row - scene.shape.centre_row) % 2  # every other row is shifted relative to the centre row
     along = (x - x[first]) * lattice.row / spacing - lattice.shift * (parity - parity[first])
     return row, np.rint(along).astype(np.intp) % columns
 
 
 def chosen(places: Any, scene: Scene, position: Floats) -> Integers:
-    """Return the indices of the spheres of a striker, source or monitor: its rows, or its single spheres, by layers."""
+    """Return the indices of the spheres of a striker, source or monitor: its rows or single spheres, in its layers."""
     row, column = sites(scene, position)
     layer = np.arange(len(row)) % (len(row) // len({*zip(row.tolist(), column.tolist(), strict=True)}))
     first, last = places.layers or (0, len(row))
@@ -105,20 +114,20 @@ def chosen(places: Any, scene: Scene, position: Floats) -> Integers:
 
 
 def _own_frequency(scene: Scene) -> float:
-    """Return Ω of the wave of a scene, rad/t0."""
+    """Return Ω of the wave of a scene, rad per t0."""
     return float(Setting(scene).mode().frequency * scene.sphere.time_scale)
 
 
 def _driven_row(scene: Scene, network: Network, scales: Scales) -> Drive:
-    """Return the motion of the first row: v = p of a wave that moves spheres along y rather than along x, else u = −q.
+    """Return the drive of the first row: along y, v = p, for a wave that moves spheres more along y than along x.
 
-    In a beam it is a Gaussian.
+    Otherwise the row moves along x, u = −q. In a beam the amplitude is a Gaussian across it.
     """
     frequency, envelope, moved = _own_frequency(scene), scene.envelope, np.abs(Setting(scene).mode().shape[:, :2])
     along = np.linalg.norm(moved[:, 1]) > np.linalg.norm(moved[:, 0])
     rows, columns = sites(scene, network.position)
     row, share = np.flatnonzero(rows == 0), np.ones(np.count_nonzero(rows == 0))
-    if envelope.width:  # about the column of the centre, whose rows have one parity
+    if envelope.width:  # centred on the column of the centre, in a row of the same parity as the centre row
         same = (rows % 2 == scene.shape.centre_row % 2) & (columns == scene.shape.columns // 2)
         across, period = network.position[row, 0] - network.position[same, 0][0], network.cell[0]
         across -= period * np.round(across / period) if np.isfinite(period) else 0.0
@@ -144,7 +153,7 @@ def _sources(scene: Scene, network: Network, scales: Scales) -> Iterator[Drive]:
             component = component + 3 if network.dimension == 3 else 2
         unit = scales.length * (1 if source.motion else scales.stiffness) * turns.get(kind, 1.0)
         measured = not isinstance(source.signal, str) and isinstance(source.signal[0][0], str)
-        if measured:  # in SI units, behind a head
+        if measured:  # samples in SI units, whose first entry names the columns
             newton = scales.kilogram * scales.metre / scales.second**2
             sizes = {"force": newton, "torque": newton * scales.metre, "motion": scales.metre, "angle": 1.0}
             unit = 1 / sizes[str(source.signal[0][1]).partition("_")[0]]
@@ -160,11 +169,11 @@ def _sources(scene: Scene, network: Network, scales: Scales) -> Iterator[Drive]:
 
 
 def signal_of(source: Any, scene: Scene, second: float = 1.0) -> tuple[Function, float, float]:
-    """Return the signal of a source over τ, the time in which it changes, and its largest value.
+    """Return the signal of a source as a function of τ, the time in which it changes (in τ), and its largest value.
 
-    `second` is t0 in the unit of time of samples: s for those of a measured drive.
+    `second` is t0 in the unit of time of the samples; for a measured drive, t0 in seconds.
 
-    Raises TheoryError for a signal that is not known here.
+    Raises TheoryError for an unknown signal.
     """
     if not isinstance(source.signal, str):
         pairs = np.array([each for each in source.signal if not isinstance(each[0], str)])
@@ -186,7 +195,7 @@ def signal_of(source: Any, scene: Scene, second: float = 1.0) -> tuple[Function,
         ),
     }
     if source.signal not in known:
-        raise TheoryError(f"source.signal = {source.signal!r}: is not known to the network; {', '.join(known)} are")
+        raise TheoryError(f"source.signal = {source.signal!r}: the network knows {', '.join(known)}")
     signal, top = known[source.signal]()
     return signal, 1 / (top * frequency), 1.0
 
@@ -196,13 +205,13 @@ def _scaled(signal: Function, size: float, time: float) -> Function:
 
 
 def face(scene: Scene, name: str) -> str:
-    """Return what a face of the packing is; what is "auto" is that of its shape."""
+    """Return the kind of a face of the packing; for "auto" the kind that its shape decides."""
     declared = str(getattr(scene.packing, name))
     return str(getattr(scene.shape, name)) if declared == "auto" else declared
 
 
 def _walls(scene: Scene, network: Network) -> Iterator[Wall]:
-    """Yield the rigid planes that the outermost spheres of a side touch, or are pressed on."""
+    """Yield the rigid plane of each side on which the outermost spheres rest, touching or pressed by a load."""
     for normal in _sides(scene, network):
         surface = network.position @ np.array(normal) + network.radius
         outermost = int(np.argmax(surface))
@@ -219,9 +228,10 @@ def _sides(scene: Scene, network: Network) -> Iterator[tuple[float, ...]]:
 
 
 def _substrates(scene: Scene, network: Network, scales: Scales) -> Iterator[Wall]:
-    """Yield the half-spaces under and above the spheres of a run.
+    """Yield the half-spaces below and above the spheres of a run.
 
-    Raises TheoryError for unequal spheres between two plates that were not free to move while they came to rest.
+    Raises TheoryError for unequal spheres between two plates, unless the plates moved freely while the spheres came to
+    rest (`packing.relax` "box").
     """
     declared = scene.substrate
     if declared is None:
@@ -235,7 +245,7 @@ def _substrates(scene: Scene, network: Network, scales: Scales) -> Iterator[Wall
         unequal = np.ptp(network.radius) > 0 or len({kind[:3] for kind in kinds_of(scene)}) > 1
         if unequal and scene.packing.relax != "box":
             raise TheoryError(f'packing.relax = "{scene.packing.relax}": must be "box" between two plates')
-        every = np.flatnonzero(network.mobility[0] > 0)  # no force is on either plate
+        every = np.flatnonzero(network.mobility[0] > 0)  # no net force acts on either plate
         yield from (_where(network, wall, every, 0.0) for wall in (low, high))
         return
     forces = _forces(network)
@@ -243,7 +253,7 @@ def _substrates(scene: Scene, network: Network, scales: Scales) -> Iterator[Wall
 
 
 def _rigid(scene: Scene, network: Network) -> Iterator[Wall]:
-    """Yield the rigid planes at the faces of a crystal at rest, which adhere as its spheres do."""
+    """Yield the rigid planes at the faces of a crystal at rest; they adhere like the spheres of the lattice."""
     law = replace(RIGID, work_of_adhesion=network.materials[0].work_of_adhesion), _varied(scene, network, (1.0, 1.0))
     walls = [Wall(normal, normal, *law) for normal in _sides(scene, network)]
     forces = _forces(network) if walls else network.position
@@ -251,7 +261,7 @@ def _rigid(scene: Scene, network: Network) -> Iterator[Wall]:
 
 
 def _forces(network: Network) -> Floats:
-    """Return the forces of the spheres on each other at rest, (N, d)."""
+    """Return the force of the other spheres on each sphere at rest, (N, d)."""
     count, dimension = network.position.shape
     pairs, still = search(network, np.zeros((dimension, count))), np.zeros((2 * network.freedoms, count))
     now = contacts(network, still, pairs, np.zeros((dimension - 1, len(pairs.first))), begun=True)
@@ -259,16 +269,16 @@ def _forces(network: Network) -> Floats:
 
 
 def _at_rest(network: Network, forces: Floats, wall: Wall) -> Wall:
-    """Return a wall where the outermost sphere is at rest on it: its P(δ) balances the force of the other spheres."""
+    """Return a wall moved to where its P(δ) on the outermost sphere balances the force of the other spheres."""
     free, normal = network.mobility[0] > 0, np.array(wall.normal)
     sphere = np.array([np.argmax(np.where(free, network.position @ normal + network.radius, -np.inf))])
     return _where(network, wall, sphere, float((forces[sphere] @ normal)[0]))
 
 
 def _where(network: Network, wall: Wall, spheres: Integers, pushed: float) -> Wall:
-    """Return a wall at the place where spheres, of which all touch it, press it with a force.
+    """Return a wall moved to where the given spheres all touch it and together press it with the force `pushed`.
 
-    Raises TheoryError if they do at none.
+    Raises TheoryError if there is no such place.
     """
     from scipy.optimize import brentq  # slow to import, and only walls need it
 
@@ -286,13 +296,16 @@ def _where(network: Network, wall: Wall, spheres: Integers, pushed: float) -> Wa
         place = brentq(left, farthest - longest, farthest, xtol=1e-15 * longest, rtol=1e-15)
     except ValueError as error:
         raise TheoryError(
-            "walls: do not hold all spheres at rest that must touch them, so that their places are not known"
+            "walls: not every sphere that must touch a wall can rest on it, so the place of the wall is unknown"
         ) from error
     return wall._replace(point=tuple(place * normal))
 
 
 def _varied(scene: Scene, network: Network, factors: tuple[float, float]) -> Floats | tuple[float, float]:
-    """Return the factors of contacts with a wall, by material where spheres differ in stiffness."""
+    """Return the force factors of contacts with a wall: one pair, or one for each material if spheres differ in them.
+
+    Measured stiffnesses, factors from a table, and the spread of stiffness multiply each other.
+    """
     own = levels_of(scene)
     if scene.disorder.stiffness:
         own = np.asarray(np.kron(own, 1 + scene.disorder.stiffness * deviates()[:, None]), dtype=np.float64)
@@ -300,9 +313,11 @@ def _varied(scene: Scene, network: Network, factors: tuple[float, float]) -> Flo
 
 
 def _factors(record: Record, network: Network, scales: Scales) -> Floats | tuple[float, float]:
-    """Return the factors of the contacts of spheres, by measured stiffnesses, of pairs of kinds too, and their spread.
+    """Return the force factors of the contacts between spheres.
 
-    Raises TheoryError for stiffnesses of all contacts beside materials of several moduli.
+    They come from measured stiffnesses ([contact] and [[pair]]), from a table, and from the spread of stiffness.
+
+    Raises TheoryError for [contact] stiffnesses if the spheres have several materials.
     """
     scene = record.scene
     load = scene.packing.contact_force * scales.second**2 / (scales.kilogram * scales.metre)
@@ -327,20 +342,20 @@ def _factors(record: Record, network: Network, scales: Scales) -> Floats | tuple
 
 
 def _stiffnesses(declared: Any, scales: Scales) -> tuple[float | None, float | None]:
-    """Return the measured stiffnesses of a contact in units of the deck."""
+    """Return the declared normal and shear stiffness of a contact in units of the deck; None where not declared."""
     both = declared.normal_stiffness, declared.shear_stiffness
     normal, shear = (None if each is None else each * scales.second**2 / scales.kilogram for each in both)
     return normal, shear
 
 
 def _pressed(scene: Scene, network: Network, sphere: int, wall: Wall) -> float:
-    """Return how deep the load of a chain presses a sphere into a wall, (F0/A)^{2/3}; 0 where nothing does."""
+    """Return the overlap (F0/A)^{2/3} of a sphere and a wall under the load of a chain; 0 without a load."""
     force = _load(scene, network)
     return float((force / network.on_wall(wall, np.array([sphere]))[0][0]) ** (2 / 3)) if force else 0.0
 
 
 def _load(scene: Scene, network: Network) -> float:
-    """Return the force that presses a chain together, by the overlap of its first two spheres at rest; 0 if none."""
+    """Return the force that presses a chain together, from the overlap of its first two spheres at rest; 0 if none."""
     if scene.packing.lattice != CHAIN or not scene.packing.contact_force or scene.held_at_rest:
         return 0.0
     one, two = np.argsort(network.position[:, 1])[:2]
@@ -358,13 +373,15 @@ def _loads(scene: Scene, network: Network) -> Iterator[Drive]:
 
 
 def _drag(record: Record, network: Network, scales: Scales) -> Floats:
-    """Return the rate at which velocity and spin of each sphere decay in quiet ends, c (n/L)^p in row n of L.
+    """Return the decay rate of velocity and spin of each sphere in quiet ends, (N,): c (n/L)^p in row n of L.
 
-    As in the deck, rows are counted from the centre to the ends that are quiet, and row L is the one before the last.
+    As in the deck, n grows outwards from the centre towards each quiet end, and row L is the last but one.
+
+    Raises TheoryError if ``run.json`` lacks the drag.
     """
     said = record.info.get("quiet_ends")
     if said is None:
-        raise TheoryError("absorb.rows: run.json does not say the drag of quiet ends; run the scene again")
+        raise TheoryError("absorb.rows: run.json lacks the drag of the quiet ends; run the scene again")
     y, last, centre = network.position[:, 1], int(record.scene.packing.rows) - 1, record.scene.shape.centre_row
     row = np.rint((y - y.min()) / (y.max() - y.min()) * last)
     from_centre = {"first": centre - row, "last": row - centre}

@@ -1,20 +1,20 @@
-"""Measured points of a table: their kind, their place, their value with its error, in SI units.
+"""Measured points of a table: kind, place, value and error, in SI units.
 
-A table is CSV with a head (`granular_lmp.scene.spreadsheets`). A column is a quantity and its unit, ``frequency_MHz``
-or ``f [MHz]``. Each row has a value in one of
+A table is CSV with a head (`granular_lmp.scene.spreadsheets`). The head of a column is a quantity with its unit,
+``frequency_MHz`` or ``f [MHz]``. Each row has a value in one of these columns, and its place in the others:
 
-    frequency_Hz          of a wave: with wavenumber_rad/row or wavelength_m, direction_deg, and branch
-    second_harmonic_m     of a wave of amplitude_m, time_s after its start: with wavenumber or wavelength
-    arrival_s             of the front of an impact at a row, and in a sheet a column
-    speed_m/s             of that front from a row (and column) to to_row (and to_column)
-    displacement_x_m      of a sphere at time_s after the start: with row, column and layer; so also velocity_x_m/s,
+    frequency_Hz          frequency of a wave: wavenumber_rad/row or wavelength_m, direction_deg, branch
+    second_harmonic_m     |C| of a wave: amplitude_m, time_s after its start, wavenumber or wavelength
+    arrival_s             arrival of the front of an impact: row, in a sheet column
+    speed_m/s             speed of the front: from row (column) to to_row (to_column)
+    displacement_x_m      motion of a sphere: time_s after the start, row, column, layer; also velocity_x_m/s,
                           rotation_x_rad and spin_x_rad/s, each along or about x, y or z
 
-and, if it has one, its standard error: in ``error_…`` with a unit of that quantity, or in ``error_%``. A branch is a
-name (L, TR, RT) or a number from 1, the lowest; an empty one is that with the nearest frequency. An empty wave number
-is 0, an empty direction that of the scene. Every other cell that a row needs must be filled. A row of traces may have
-several of them, as the tables that ``granular-lmp export`` writes of monitors and of recorded spheres. A trace may have
-gaps, which are empty or nan, and times before the start of the run, which are left out.
+An optional standard error stands in ``error_…`` with a unit of the quantity, or in ``error_%``. A branch is a name (L,
+TR, RT) or a number, from 1 for the lowest; an empty cell means the branch with the nearest frequency. An empty wave
+number means 0, an empty direction that of the scene. Every other cell that a row needs must be filled. A row may have
+several traces (motions of a sphere), as in the tables that ``granular-lmp export`` writes of monitors and recorded
+spheres. Gaps of a trace are empty or nan. Times before the start of the run are left out.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -38,7 +38,7 @@ _MOTIONS = {
     "spin": ({"rad/s": 1.0}, ("spin{axis}", "theta{axis}_t")),
 }
 TRACES = {f"{name}_{axis}": units for name, (units, _) in _MOTIONS.items() for axis in "xyz"}
-UNITS: Mapping[str, Mapping[str, float]] = {  # each quantity has these, in SI units
+UNITS: Mapping[str, Mapping[str, float]] = {  # units of each quantity, in SI units
     "frequency": {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9},
     "second_harmonic": LENGTHS,
     "arrival": TIMES,
@@ -55,7 +55,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {  # each quantity has these, in SI u
     "layer": _NUMBERS,
     **TRACES,
 }
-# What each kind of point needs, and what it may have
+# Columns that each kind of point needs, and columns that it may have
 KINDS: Mapping[str, tuple[frozenset[str], frozenset[str]]] = {
     "frequency": (frozenset(), frozenset({"branch", "wavenumber", "wavelength", "direction"})),
     "second_harmonic": (frozenset({"amplitude", "time"}), frozenset({"wavenumber", "wavelength"})),
@@ -66,7 +66,7 @@ KINDS: Mapping[str, tuple[frozenset[str], frozenset[str]]] = {
 
 
 COUNTED = {"row", "column", "to_row", "to_column", "layer"}
-_ERRORS = {unit: 1.0 for kind in KINDS for unit in [*UNITS[kind], "%"]}  # of one size: the kind tells the unit's
+_ERRORS = {unit: 1.0 for kind in KINDS for unit in [*UNITS[kind], "%"]}  # all 1; the kind gives the size of the unit
 _HEADS = {**UNITS, "branch": _NUMBERS, ERROR: _ERRORS}
 _SYMBOLS = {"f": "frequency", "k": "wavenumber", "wave_number": "wavenumber", "λ": "wavelength", "t": "time"} | {
     word.format(axis=axis, along=along): f"{name}_{axis}"
@@ -74,7 +74,7 @@ _SYMBOLS = {"f": "frequency", "k": "wavenumber", "wave_number": "wavenumber", "�
     for axis, along in zip("xyz", "uvw", strict=True)
     for word in words
 }
-# In the plane a sphere turns about z alone, and tables leave out the axis
+# In the plane a sphere turns only about z, and tables omit the axis
 _SYMBOLS |= {"rotation": "rotation_z", "theta": "rotation_z", "spin": "spin_z", "theta_t": "spin_z"}
 
 
@@ -85,14 +85,16 @@ class Point:
     Attributes
     ----------
     kind : a quantity of `KINDS`.
-    value, error : in SI units; error None if it was not given.
-    line : of the table, from 1.
-    branch : "" for the nearest.
-    wavenumber : with its `unit`, "rad/row" or "rad/m".
-    direction : degrees, None for that of the scene.
-    amplitude, time : m and s, of a second harmonic; the time of a trace too.
-    row, column, to_row, to_column : of an impact, counted from 0; a column of −1 is that of the striker.
-    layer : of a trace, which has row and column too; −1 where there is one.
+    value, error : in SI units; the error is None if it was not given.
+    line : line of the table, from 1.
+    branch : branch of a frequency; "" for the nearest.
+    wavenumber : wave number in `unit`, "rad/row" or "rad/m".
+    direction : degrees; None for the direction of the scene.
+    amplitude : amplitude of the wave of a second harmonic, m.
+    time : time of a second harmonic or of a trace, s.
+    row, column, to_row, to_column : place of an arrival or a trace, and ends of a speed, counted from 0. A column of
+        −1 is that of the striker, for a trace the only one.
+    layer : layer of a trace; −1 for the only one.
     """
 
     kind: str
@@ -125,11 +127,11 @@ def read(
     Parameters
     ----------
     file : str or Path
-    only : the kinds that are taken, all if there are none.
-    otherwise : those that are taken where the table has no point of `only`.
+    only : kinds to read; () for all.
+    otherwise : kinds to read if the table has no point of `only`.
     errors : whether the table may have errors.
 
-    Raises GranularError for a file that cannot be read, and for what is not understood.
+    Raises GranularError for a file that cannot be read, or whose columns or cells are not understood.
     """
     table = spreadsheets.read(file, _HEADS, _SYMBOLS)
     try:
@@ -138,7 +140,7 @@ def read(
         if not table.rows:
             raise ValueError("has a head and no points")
         if not errors and (refused := [each.unit for each in table.columns if each.quantity == ERROR]):
-            raise ValueError(f"column error_{refused[0]}: is not used here; leave it out, and give --noise SHARE")
+            raise ValueError(f"column error_{refused[0]}: is not used here; remove it, and give --noise SHARE")
         points = [*_points_of(table, only)]
         if otherwise and not points:
             points = [*_points_of(table, otherwise)]
@@ -159,7 +161,7 @@ def _points_of(table: Table, only: Collection[str]) -> Iterator[Point]:
 
 
 def empty_times(table: Table, points: Iterable[Point]) -> list[float]:
-    """Return the times of rows without a value, s; `points` are those of the table."""
+    """Return the times (s) of the rows of a table without a value; `points` are the points of the table."""
     place = next((n for n, each in enumerate(table.columns) if each.quantity == "time"), None)
     lines, found = {each.line for each in points}, []
     for line, cells in table.rows:
@@ -171,7 +173,7 @@ def empty_times(table: Table, points: Iterable[Point]) -> list[float]:
 
 
 def _filled(columns: Sequence[Column], cells: Sequence[str]) -> Iterator[tuple[Column, str]]:
-    """Yield the cells of a row that hold something, beside their columns; nan of a trace is nothing."""
+    """Yield the filled cells of a row with their columns; nan in a column of a trace counts as empty."""
     for column, cell in zip(columns, cells, strict=True):
         if cell and not (column.quantity in TRACES and cell.lower() == "nan"):
             yield column, cell
@@ -180,7 +182,7 @@ def _filled(columns: Sequence[Column], cells: Sequence[str]) -> Iterator[tuple[C
 def _points(
     line: int, cells: list[tuple[Column, str]], only: Collection[str], columns: Collection[str]
 ) -> Iterator[Point]:
-    """Yield the point of a row, or those of several traces; none of a gap. `columns` are the kinds in the table."""
+    """Yield the points of a row: one, several for traces, none in a gap. `columns` are the kinds in the table."""
     there = {column.quantity: (column.unit, cell) for column, cell in cells if column.quantity != ERROR}
     kinds = [name for name in there if name in KINDS]
     if not kinds and _is_gap(there.keys(), columns):
@@ -197,27 +199,27 @@ def _points(
         value = _number(line, kind, *there[kind], False)
         if value <= 0 and kind not in TRACES:
             raise ValueError(f"line {line}: {kind} = {there[kind][1]}: must be above 0")
-        # An error in a unit of another trace in the table is of that trace
+        # An error in the unit of another trace of the table belongs to that trace
         own = [each for each in errors if kind not in TRACES or each[0] in UNITS[kind] or each[0] not in every]
         yield Point(kind, value, _error(line, kind, value, own), line, **place)
 
 
 def _is_gap(there: Collection[str], columns: Collection[str]) -> bool:
-    """Return whether a row without a value may be a gap: all columns are of traces, or it says a sphere and a time."""
+    """Return whether a row without a value is a gap: all columns are traces, or the row has only sphere and time."""
     needed, allowed = next(KINDS[name] for name in TRACES)
     traces = TRACES.keys() & columns
     return len(traces) == len(columns) or (bool(traces) and needed <= {*there} <= needed | allowed)
 
 
 def _place(line: int, kind: str, there: dict[str, tuple[str, str]]) -> dict[str, Any]:
-    """Return what a row says beside its values, by the names of a point."""
+    """Return the attributes of a point other than kind, value and error, from a row."""
     needed, allowed = KINDS[kind]
     if lacking := needed - there.keys():
         raise ValueError(f"line {line}: a {kind} needs {_or(lacking)}")
     if other := there.keys() - needed - allowed:
         raise ValueError(f"line {line}: a {kind} takes no {_or(other)}")
     if {"wavenumber", "wavelength"} <= there.keys():
-        raise ValueError(f"line {line}: has a wavenumber and a wavelength; give one of the two")
+        raise ValueError(f"line {line}: has both a wavenumber and a wavelength; give one of the two")
     positive = {"wavelength", "amplitude"} if kind in TRACES else {"wavelength", "amplitude", "time"}
     numbers = {name: _number(line, name, *each, name in positive) for name, each in there.items() if name != "branch"}
     place: dict[str, Any] = {name: int(each) if name in COUNTED else each for name, each in numbers.items()}

@@ -1,19 +1,22 @@
-"""The reference of a run: the signals that its record is compared with, p, q and φ, or without a wave all motions.
+"""Reference of a run: the signals with which its record is compared.
+
+The signals of a wave are p, q and φ of one sphere; those of a run without a wave are all recorded motions.
 
 Most references are theories, functions of a plane wave (`granular_analysis.theory.choice.THEORIES`). Two are made from
 the run:
 
-* the *network*: all its spheres, from its first snapshot on, integrated without LAMMPS
-  (`granular_analysis.theory.network`). It holds crystals that are not perfect, waves of any shape, and contacts that
-  slide, open and form;
-* *crystal-second-order*: first and second order in the crystal of its scene, of any lattice, also of layers, and of
+* the *network*: all spheres of the run, integrated without LAMMPS from the first snapshot on
+  (`granular_analysis.theory.network`). It holds imperfect crystals, waves of any shape, and contacts that slide, open
+  and form;
+* *crystal-second-order*: first and second order in the crystal of the scene, for any lattice, layers included, and for
   running and standing waves (`granular_analysis.theory.scenes`).
 
-A run without a wave, of strikers and states alone, has the network only, of all spheres that it records; and so has a
-run in space, of its recorded sphere.
+A run without a wave (strikers and states alone) can only be compared with the network, in all spheres that it records;
+a run in space only with the network, in its recorded sphere.
 
-The rule: the best theory of the wave; where none holds the run, the network, if it is not long (`MOST_UNASKED`); where
-that cannot be, the second order of its crystal; where that leaves something out, nothing. The reference says why.
+The default is the best theory of the wave. If no theory holds the run, the default is the network, unless the network
+leaves something out, the run lacks a first snapshot, or it is long (`MOST_UNASKED`). Then the default is the second
+order of the crystal. If that leaves something out too, there is no reference. `Reference.reason` says why.
 """
 
 from dataclasses import dataclass, replace
@@ -41,24 +44,25 @@ from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
 
-RTOL = 1e-9  # a thousandth of what LAMMPS's time step leaves
-SLIDING_STEP = 1 / 80  # τ; leaves 3e-6 D0, of second order
-# Spheres times τ that are integrated unasked: a quarter of a minute. Contacts that slide, or adhere and open, shorten
-# the steps of all spheres (docs/network.md), so that each costs as many; Hertz's, whose force has no jump, cost fewer
+RTOL = 1e-9  # a thousandth of the error that LAMMPS's time step leaves
+SLIDING_STEP = 1 / 80  # longest step, τ, if contacts may slide: leaves an error of 3e-6 D0, of second order in the step
+# Spheres times τ that the default integrates, a quarter of a minute. Contacts that slide, or adhere and open, shorten
+# the steps of all spheres (docs/network.md): each then counts as 40 spheres. Hertz's contacts that open have a force
+# without a jump, and each sphere counts as 8
 MOST_UNASKED = 1e6
 COSTS_AS_MANY = {"slide": 40, "snap": 40, "open": 8}
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The signals that a run is compared with.
+    """Signals with which a run is compared.
 
     Attributes
     ----------
-    name : one of `granular_analysis.theory.catalogue.REFERENCES`; None if there is none.
-    signals : at the times of the record, those that `granular_analysis.measure.signals.signals_of` says; None if there
-    is none.
-    reason : why it is neither a theory of a plane wave nor the network.
+    name : one of `granular_analysis.theory.catalogue.REFERENCES`; None without a reference.
+    signals : signals at the times of the record, in the order of `granular_analysis.measure.signals.signals_of`; None
+        without a reference.
+    reason : why the reference is neither a theory of a plane wave nor the network; "" if it is one of the two.
     """
 
     name: str | None
@@ -67,25 +71,23 @@ class Reference:
 
     @classmethod
     def named(cls, name: str, record: Record, wave: Wave | None) -> Self:
-        """Return the reference of a name.
+        """Return the reference with a name.
 
-        Raises TheoryError for a name that is none of `granular_analysis.theory.catalogue.REFERENCES`, a reference that
-        leaves out what the run has, and for the network of a run without a first snapshot that it can be read from.
+        Raises TheoryError for a name that is not in `granular_analysis.theory.catalogue.REFERENCES`, for a reference
+        that leaves out a feature of the run, and for the network if the run has no readable first snapshot.
         """
         if name not in REFERENCES:
             raise TheoryError(f"theory = {name!r} is not one of {', '.join(REFERENCES)}")
         if name == NETWORK:
             return cls(name, _network(record, wave))
         if wave is None:
-            none = "that has none" if record.scene.wave is None else "in space"
-            raise TheoryError(
-                f"theory = {name!r} is of a wave in the plane, and this is a run {none}; must be {NETWORK!r}"
-            )
+            why = "has no wave" if record.scene.wave is None else "is in space"
+            raise TheoryError(f"theory = {name!r} needs a wave in the plane, and this run {why}; must be {NETWORK!r}")
         return cls(name, _crystal(record, wave) if name == CRYSTAL else trajectory(name, wave, record.tau))
 
     @classmethod
     def of(cls, record: Record, wave: Wave | None) -> Self:
-        """Return the reference of a run by the rule of this module, one without a name if there is none."""
+        """Return the default reference of a run, see the module; if there is none, its name is None."""
         if wave is not None and holding(wave):
             return cls.named(best(wave, record.tau), record, wave)
         reasons, others = _against(record, wave), [CRYSTAL] if _holds_crystal(wave) else []
@@ -106,7 +108,7 @@ def _holds_crystal(wave: Wave | None) -> bool:
 
 
 def _against(record: Record, wave: Wave | None) -> list[str]:
-    """Return all that stands against the network of a run, so that its user sees every reason at once."""
+    """Return every reason against the network of a run, so that the user sees all of them at once."""
     lacks = missing(NETWORK, _traits(record, wave))
     found = [f"the network leaves out {', '.join(lacks)}"] if lacks else []
     try:
@@ -118,7 +120,7 @@ def _against(record: Record, wave: Wave | None) -> list[str]:
 
 
 def _too_long(record: Record, wave: Wave | None) -> str:
-    """Return why the network of a run is not integrated unasked, "" if it may be."""
+    """Return why the network of a run is too long for a default, "" if it is not."""
     spheres, until = record.scene.shape.spheres, record.tau[-1]
     there, adheres = _traits(record, wave), record.scene.sphere.work_of_adhesion > 0
     case = "slide" if SLIDING in there else ("snap" if adheres else "open") if OPENING in there else ""
@@ -126,13 +128,13 @@ def _too_long(record: Record, wave: Wave | None) -> str:
     if spheres * until <= most:
         return ""
     return (
-        f"{spheres} spheres until tau = {until:.6g} are above the {most:.0f} spheres times tau up to which the network "
-        "is the default in a run like this; ask with --theory network"
+        f"{spheres} spheres until tau = {until:.6g} exceed {most:.0f} spheres times tau, above which the network is "
+        "not the default for such a run; use --theory network"
     )
 
 
 def _network(record: Record, wave: Wave | None) -> tuple[Floats, ...]:
-    """Return the signals of a run in its network."""
+    """Return the signals of a run, as its network gives them."""
     refuse_less(NETWORK, _traits(record, wave))
     try:
         first = first_snapshot(record)
@@ -146,7 +148,7 @@ def _network(record: Record, wave: Wave | None) -> tuple[Floats, ...]:
 
 
 def _crystal(record: Record, wave: Wave) -> Trajectory:
-    """Return p, q, φ of the centre sphere to second order in the crystal of a run's scene."""
+    """Return p, q, φ (T,) of the centre sphere in D0, to second order in the crystal of the scene."""
     refuse_less(CRYSTAL, traits(wave))
     try:
         first, second = Setting(record.scene).signals(record.tau)

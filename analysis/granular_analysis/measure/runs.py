@@ -1,4 +1,4 @@
-"""Runs as a script reads them: what is wrong with one is a single line and the end of the script."""
+"""Runs for scripts: an error is one line on the screen and ends the script."""
 
 import subprocess
 import sys
@@ -11,11 +11,15 @@ from granular_analysis.measure.signals import recorded
 from granular_analysis.measure.swept import Swept
 from granular_lmp.runs.record import GranularError, Record, Scene
 
-PROGRAM = (sys.executable, "-P", "-m", "granular_lmp")  # -P: nothing of the folder is imported
+PROGRAM = (sys.executable, "-P", "-m", "granular_lmp")  # -P: imports nothing from the current folder
 
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:
-    """`Record.load` for a script: what is wrong is one line and SystemExit, also a run with next to no record."""
+    """Return the record of a run.
+
+    Raises SystemExit with one line for a folder that cannot be read, for fewer than two records, and for records that
+    are not finite.
+    """
     try:
         record = Record.load(folder, unfinished=unfinished)
     except GranularError as error:
@@ -28,9 +32,9 @@ def load(folder: str | Path, *, unfinished: bool = False) -> Record:
 
 
 def begun(scene: Scene, folder: str | Path) -> Record:
-    """Return a run of one sample of a scene in a folder, with a snapshot of its start, by the command granular-lmp.
+    """Run a scene for one sample with the command granular-lmp, and return the record with a snapshot of the start.
 
-    Raises ValueError with what the command says if the scene cannot be run.
+    Raises ValueError with the error of the command if the scene cannot be run.
     """
     sample = scene.time.sample
     short = {"time.duration": sample, "output.particles": sample, "output.checkpoint": "auto"}
@@ -44,9 +48,9 @@ def begun(scene: Scene, folder: str | Path) -> Record:
 
 
 def run_sweep(scene: Scene, folder: Path, *over: str) -> list[Record]:
-    """Return the runs of a sweep of a scene over some keys, by the command granular-lmp, which says how far it is.
+    """Run a sweep of a scene with the command granular-lmp, and return its runs by wave number.
 
-    Raises ValueError if the command fails.
+    `over` are the arguments KEY=VALUES of --over. The command prints its progress. Raises ValueError if it fails.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     declared = folder.with_suffix(".toml")
@@ -59,9 +63,9 @@ def run_sweep(scene: Scene, folder: Path, *over: str) -> list[Record]:
 
 
 def sweep(folder: str) -> list[Record]:
-    """Return the finished runs of a sweep, by wave number; no run of an earlier sweep in the same folder.
+    """Return the runs of a sweep by wave number, without runs of an earlier sweep in the same folder.
 
-    Raises SystemExit with one line for a folder that holds no sweep, and where a run failed or is not finished.
+    Raises SystemExit with one line for a folder without a sweep, and if a run has failed or is not finished.
     """
     swept = Swept.load(folder)
     if swept is None:
@@ -72,7 +76,7 @@ def sweep(folder: str) -> list[Record]:
 
 
 def all_but(record: Record, *keys: str) -> dict[str, Any]:
-    """Return the values of a run's scene but for its name, its description and some keys, "section.key"."""
+    """Return the values of a run's scene without its name, its description and the given keys, "section.key"."""
 
     def others(section: str, table: Any) -> Any:
         if isinstance(table, list):

@@ -1,7 +1,8 @@
-"""The signals of a run: their errors, and the second harmonic that is in them.
+"""Signals of a run: their errors against a reference, and their second harmonic.
 
-Those of a wave are p, q, φ of one sphere, in space its displacement and Rθ along each axis. Those of a run without a
-wave are the displacements and velocities (T, n, d) and the spins (T, n), in space (T, n, 3), of all that it records.
+The signals of a wave in the plane are p, q, φ of one sphere, in space the displacement and Rθ of the sphere along each
+axis. The signals of a run without a wave are displacements and velocities (T, n, d) and spins (T, n), in space
+(T, n, 3), of all recorded spheres.
 """
 
 from typing import NamedTuple
@@ -21,16 +22,16 @@ Floats = NDArray[np.float64]
 COMPONENTS = ("p", "q", "phi")
 IN_SPACE = ("ux", "uy", "uz", "phix", "phiy", "phiz")
 FIELDS = ("displacement", "velocity", "spin")
-# A component that theory says is zero is compared with nothing: rounding over rounding.
+# Largest value below which a reference is zero: an error relative to it would compare rounding with rounding
 SILENT = 1e-9
-FEWEST = 3  # records for each factor of a fit, without which its error says nothing
+FEWEST = 3  # least records for each factor of a fit; with fewer the standard error means nothing
 
 
 def predicted_amplitude(wave: Wave) -> float | None:
-    """|ε P̃1|/2 in D0: amplitude of the generated second harmonic of a real wave.
+    """Amplitude |ε P̃1|/2, in D0, of the generated second harmonic of a real wave.
 
-    None where second order leaves out what the wave's contacts do, and in other directions than y: there the second
-    harmonic is three waves, in p, q and φ, not one amplitude.
+    None if second order leaves out a feature of the wave, and for directions other than y, in which the second harmonic
+    is three waves, in p, q and φ, instead of one amplitude.
     """
     if "second-order" not in holding(wave) or not wave.mode.along_y:
         return None
@@ -38,21 +39,21 @@ def predicted_amplitude(wave: Wave) -> float | None:
 
 
 def signals_of(record: Record) -> tuple[str, ...]:
-    """Return the names of the signals of a run that are compared."""
+    """Return the names of the compared signals of a run."""
     if record.scene.wave is None:
         return FIELDS
     return IN_SPACE if record.scene.space == 3 else COMPONENTS
 
 
 def recorded(record: Record) -> dict[str, Floats]:
-    """Return the signals of a run by name; an angle that was not tracked is left out."""
+    """Return the recorded signals of a run by name, without angles that were not tracked."""
     names = signals_of(record)
     found = {name: np.asarray(record.signals[name] if names == IN_SPACE else getattr(record, name)) for name in names}
     return {name: values for name, values in found.items() if not np.isnan(values).all()}
 
 
 def errors(record: Record, reference: tuple[Floats, ...]) -> dict[str, float | None]:
-    """Return the relative L2 error of each signal of a run against a reference; None where the reference is silent."""
+    """Return the relative L2 error of each signal against its reference; None if the reference is zero (`SILENT`)."""
     names, found = signals_of(record), recorded(record)
     return {
         name: relative_error(found[name], values) if np.max(np.abs(values)) > SILENT else None
@@ -62,13 +63,14 @@ def errors(record: Record, reference: tuple[Floats, ...]) -> dict[str, float | N
 
 
 class Shapes(NamedTuple):
-    """Shapes that p(τ) of a run is fitted by, the columns of matrices (T, 1 or 3).
+    """Functions of τ whose sum is fitted to p(τ) of a run.
 
     Attributes
     ----------
-    predicted : amplitude of the generated second harmonic in D0, which the factor of the first column multiplies.
-    exact, stepped : the second harmonic, and for L the fundamental's cos and sin, without and with the time step of the
-        run; `stepped` is None for a run to a tolerance, whose record is extrapolated.
+    predicted : amplitude of the generated second harmonic in D0, for which the factor of the first column is 1.
+    exact, stepped : (T, 1 or 3) columns without and with the effect of the run's time step: the second harmonic, and
+        for L cos and sin of the fundamental. `stepped` is None for a run with a tolerance, whose record is
+        extrapolated to short steps.
     """
 
     predicted: float
@@ -77,18 +79,18 @@ class Shapes(NamedTuple):
 
 
 def shapes_of(record: Record, wave: Wave) -> Shapes:
-    """Return the shapes of a run by theory; TheoryError where no amplitude is measured (`measured_amplitude`)."""
+    """Return the functions of τ for the fit of a run; TheoryError as `measured_amplitude` raises it."""
     predicted, time, tau = predicted_amplitude(wave), record.scene.time, record.tau
     if predicted is None:
         lacks = missing("second-order", traits(wave))
-        why = f"second order leaves out {', '.join(lacks)}" if lacks else "in this direction it is three waves"
-        raise TheoryError(why)
+        waves = "in this direction the second harmonic is three waves"
+        raise TheoryError(f"second order leaves out {', '.join(lacks)}" if lacks else waves)
     second, _, _ = second_harmonic(wave, tau)
     if np.max(np.abs(second), initial=0.0) < SILENT:
-        raise TheoryError(f"it is below {SILENT:g} D0 and rounding")
+        raise TheoryError(f"the second harmonic is below {SILENT:g} D0, as small as rounding")
     if drive_cancels(wave):
         most = second_order_until(wave.mode, wave.contact)
-        raise TheoryError(f"p is more of fourth order than of second; wave.amplitude must be below {most:.2g}")
+        raise TheoryError(f"fourth order exceeds second order in p; wave.amplitude must be below {most:.2g}")
     own = wave.mode.frequency
     exact = _columns(wave, second, own, tau)
     if len(tau) < (fewest := FEWEST * exact.shape[1]):
@@ -100,13 +102,13 @@ def shapes_of(record: Record, wave: Wave) -> Shapes:
 
 
 def _columns(wave: Wave, second: Floats, fundamental: float, tau: Floats) -> Floats:
-    """Return the second harmonic, beside cos and sin of the fundamental where p has one."""
+    """Return the columns of a fit: the second harmonic and, if p has a fundamental, its cos and sin."""
     own = [np.cos(fundamental * tau), np.sin(fundamental * tau)] if wave.mode.p else []
     return np.column_stack([second, *own])
 
 
 def amplitude_by(shapes: Shapes, record: Record) -> tuple[float, float]:
-    """Return the amplitude of the generated second harmonic in a run, in D0, and its error, as `measured_amplitude`."""
+    """Return the amplitude of the generated second harmonic in a run and its error, in D0; see `measured_amplitude`."""
     factor, spread = _factor(shapes.exact, record.p)
     if shapes.stepped is not None:
         without, spread = _factor(shapes.stepped, record.p)
@@ -118,22 +120,25 @@ def amplitude_by(shapes: Shapes, record: Record) -> tuple[float, float]:
 
 
 def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float]:
-    """Amplitude of the generated second harmonic in a run, in D0, and its error: of the fit and of the time step.
+    """Return the amplitude of the generated second harmonic in a run and its error, in D0.
 
-    Least squares of p(τ) on the time functions that theory knows: cos Ωτ and sin Ωτ of the fundamental (L only) and the
-    second harmonic with its free waves, whose factor is sought. That the generated and the free waves come in fixed
-    proportion keeps the fit well-posed at the resonance, where they are one function. A second fit has the functions
-    that the time step of the run makes of these: the error is its standard error, and the distance of both amplitudes.
-    Of a run to a tolerance, whose record is extrapolated, that distance is the share that the estimate of p says.
+    p(τ) is fitted by least squares with functions from theory: cos Ωτ and sin Ωτ of the fundamental (L only), and the
+    second harmonic with its free waves, whose factor gives the amplitude. Generated and free waves have a fixed ratio,
+    which keeps the fit well-posed at the resonance, where they are the same function.
 
-    Raises TheoryError where the second harmonic is not what p consists of: at the antiresonance, and where it is below
-    rounding; where there is no theory of it; and for fewer than `FEWEST` records a factor.
+    A second fit has the same functions as the time step of the run changes them. The error is √(s² + d²), with s the
+    standard error of the second fit and d the difference of the two amplitudes. For a run with a tolerance, whose
+    record is extrapolated, d is the error that the run estimates for p, and s that of the first fit.
+
+    Raises TheoryError if p is not a second harmonic that second order predicts (at the antiresonance, where fourth
+    order is larger), if the second harmonic is below rounding, if there is no theory for it, and for fewer than
+    `FEWEST` records a factor.
     """
     return amplitude_by(shapes_of(record, wave), record)
 
 
 def _factor(matrix: Floats, signal: Floats) -> tuple[float, float]:
-    """Return the factor of the first column in a signal, and its standard error."""
+    """Return the factor of the first column in a least-squares fit of a signal, and its standard error."""
     solution, *_ = np.linalg.lstsq(matrix, signal)
     residual = signal - matrix @ solution
     variance = residual @ residual / np.subtract(*matrix.shape)

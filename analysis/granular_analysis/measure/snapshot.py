@@ -39,23 +39,23 @@ _TURNS = {2: ["v_theta"], 3: [f"Orientation.{part}" for part in "WXYZ"]}  # by d
 _SPINS = {2: ["omegaz"], 3: ["omegax", "omegay", "omegaz"]}
 _TITLES = {0: "TIMESTEP", 2: "NUMBER", 4: "BOX", 8: "ATOMS"}  # by line
 SNAPSHOTS = "dump.particles"
-_PRELOAD = 1e6  # steps that the preload of a deck takes
+_PRELOAD = 1e6  # steps of the preload in a deck
 CENTRE = "dump.centre"  # beside the snapshots; it names the recorded sphere
 # Largest radius (m) of the spheres of a LAMMPS unit style, and the style's units of mass, length and time in SI
 UNITS = ((1e-5, (1e-21, 1e-9, 1e-9)), (1e-3, (1e-15, 1e-6, 1e-6)), (np.inf, (1.0, 1.0, 1.0)))
 
 
 class Spheres(NamedTuple):
-    """N spheres with which a run begins, in the units of its deck.
+    """N spheres at the start of a run, in the units of its deck.
 
     Attributes
     ----------
-    types : (N,) of LAMMPS: spheres of material m, counted from 0, have 2m + 1 (free) or 2m + 2 (held).
-    place : (N, d) at rest.
+    types : (N,) types in LAMMPS: 2m + 1 for free and 2m + 2 for held spheres of material m, counted from 0.
+    place : (N, d) places at rest.
     radius, density : (N,).
     displacement, velocity : (N, d).
-    rotation, spin : (N, 1), in space (N, 3); as of `granular_analysis.theory.network_state.start`.
-    cell : periods, inf for other edges.
+    rotation, spin : (N, 1), in space (N, 3); as for `granular_analysis.theory.network_state.start`.
+    cell : (d,) periods, inf along axes without one.
     """
 
     types: NDArray[np.intp]
@@ -75,10 +75,10 @@ class FirstSnapshot:
 
     Attributes
     ----------
-    network, state : the spheres at rest, and the state they start from.
+    network, state : the spheres at rest, and the state from which they start.
     recorded : index of the sphere whose motion is the record of a wave; −1 in a run without a wave.
-    scales : D0 (ℓ without a wave), t0, k1, and R of the declared sphere, which turns angles into φ.
-    direction : of the wave vector, degrees from a close-packed row.
+    scales : units of the record, see `granular_analysis.measure.outside.Scales`.
+    direction : direction of the wave vector, degrees from a close-packed row.
     """
 
     network: Network
@@ -94,7 +94,7 @@ class FirstSnapshot:
 
     @property
     def length(self) -> float:
-        """Return D0."""
+        """Return D0, or ℓ without a wave."""
         return self.scales.length
 
     @property
@@ -103,14 +103,14 @@ class FirstSnapshot:
         return self.scales.radius
 
     def signals(self, run: Trajectory) -> tuple[Floats, ...]:
-        """Return the motion of the first sphere of a trajectory, (T,) each: p, q, φ; in space ux, uy, uz and Rθ."""
+        """Return the motion of the first sphere of a trajectory in D0, (T,) each: p, q, φ; in space ux, uy, uz, Rθ."""
         ways, turns = run.displacement[:, 0].T / self.length, run.rotation[:, 0].T * self.radius / self.length
         if len(ways) == 2:
             ways = frame(self.direction) @ ways
         return (*ways, *turns)
 
     def fields(self, run: Trajectory) -> tuple[Floats, Floats, Floats]:
-        """Return displacements and velocities (T, n, d) and Rω (T, n), (T, n, 3) in space, in ℓ and ℓ/t0."""
+        """Return displacements in ℓ, velocities in ℓ/t0, (T, n, d), and Rω in ℓ/t0, (T, n) or in space (T, n, 3)."""
         speed = self.length / self.time
         spin = run.spin * self.radius / speed
         return run.displacement / self.length, run.velocity / speed, spin[..., 0] if spin.shape[-1] == 1 else spin
@@ -139,10 +139,10 @@ def first_snapshot(record: Record) -> FirstSnapshot:
 def network_of(record: Record, spheres: Spheres, recorded: int) -> FirstSnapshot:
     """Return the network of the spheres with which a run begins.
 
-    Friction is infinite unless contacts may slide (``effects.sliding``): a deck without sliding has a coefficient at
-    which nothing slides.
+    Friction is infinite unless contacts may slide (``effects.sliding``); a deck without sliding has a coefficient so
+    large that nothing slides.
 
-    Raises TheoryError for a declared material that no sphere has, for what acts from outside and is not known
+    Raises TheoryError for a declared material that no sphere has, for unknown actions from outside
     (`granular_analysis.measure.outside`), and for contacts that resist rolling or twisting.
     """
     scene, on, declared = record.scene, switched(record), record.scene.effects
@@ -171,14 +171,14 @@ def network_of(record: Record, spheres: Spheres, recorded: int) -> FirstSnapshot
 
 
 def _preloading(scene: Scene) -> float:
-    """Return 1 over the time of the preload, in 1/t0; 0 of an extrapolation to short steps."""
+    """Return 1 over the duration of the preload, in 1/t0; 0 for an extrapolation to short steps."""
     return 0.0 if scene.time.tolerance is not None else 1 / (_PRELOAD * scene.time.step)
 
 
 def scales_of(record: Record) -> Scales:
-    """Return the scales of a record and the SI units, in the units of a run's deck.
+    """Return the units of a record and of its deck.
 
-    The deck of spheres that just touch has units of its own: R, m and t0.
+    The deck of spheres that just touch has the units m, R and t0; other decks have LAMMPS units by radius (`UNITS`).
     """
     scene, sphere = record.scene, record.scene.sphere
     if not scene.held_at_rest:
@@ -193,21 +193,22 @@ def scales_of(record: Record) -> Scales:
 
 
 def _snapshots(record: Record) -> Path:
-    """Return the dump of all spheres of a run.
+    """Return the path of the dump of all spheres of a run.
 
-    Raises ValueError for a run without a wave that recorded some of its spheres.
+    Raises TheoryError for a run without a wave that recorded only some of its spheres, and RunFolderError for a wave
+    without snapshots.
     """
     if record.scene.wave is not None:
         return record.snapshots().path
     path = Path(record.folder or ".") / SNAPSHOTS
     if record.scene.output.rows or record.scene.output.spheres:
-        raise TheoryError("output.rows and output.spheres: must be left out, as the network starts from all spheres")
+        raise TheoryError("output.rows and output.spheres: remove them, as the network starts from all spheres")
     return path
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[TextIO]:
-    """Open a dump; raise TheoryError where its text is none of a dump: a word in place of a number, no text at all."""
+    """Open a dump; raise TheoryError if the file is not text, or has a word in place of a number."""
     with path.open(encoding="utf-8") as stream:
         try:
             yield stream
@@ -223,13 +224,13 @@ def _columns(path: Path) -> list[str]:
 
 
 def _centre_of(folder: Path) -> Path:
-    """Return the dump of the recorded sphere of a run; those of the steps of a tolerance are of the same sphere."""
+    """Return the dump of the recorded sphere; of a run with a tolerance, whose dumps share the sphere, the first."""
     steps = sorted(folder.glob(f"*_per_sample/{CENTRE}"))
     return steps[0] if steps else folder / CENTRE
 
 
 def _materials(record: Record, scales: Scales) -> list[Material]:
-    """Return the materials of a run in units of its deck, each for all classes of stiffness."""
+    """Return the materials of a run in units of its deck, each repeated for all classes of stiffness."""
     return [scales.material(kind) for kind in kinds_of(record.scene) for _ in range(_classes(record))]
 
 
@@ -238,13 +239,13 @@ def _classes(record: Record) -> int:
 
 
 def _refuse_replaced(record: Record, network: Network) -> None:
-    """Raise TheoryError where a declared material has no sphere: a deck leaves it out, and does not say which."""
+    """Raise TheoryError if a declared material has no sphere: the deck omits it without saying which one."""
     declared, last = len(kinds_of(record.scene)), 0 if network.kind is None else int(network.kind.max())
     there = 1 + last // _classes(record)
     if there < declared:
         raise TheoryError(
-            f"inclusion: {declared} materials are declared with that of the lattice, and spheres have {there}; must "
-            "have no inclusion whose spheres are all replaced by later ones"
+            f"inclusion: the scene declares {declared} materials, the lattice's included, and spheres have {there}; "
+            "remove inclusions whose spheres are all replaced by later ones"
         )
 
 
@@ -254,23 +255,23 @@ def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) ->
     Parameters
     ----------
     path : the dump.
-    density : of all spheres, for a dump without the column mass; otherwise None.
-    rotation : whether spheres turn, so that the dump must hold their spins.
-    turned : whether spheres are turned at the start, so that the dump must hold their angles too.
+    density : density of all spheres, for a dump without the column mass; otherwise None.
+    rotation : whether spheres turn, so that the dump must have their spins.
+    turned : whether spheres are rotated at the start, so that the dump must have their angles too.
 
-    Raises TheoryError for a file that is no dump of step 0, lacks a column or is cut off.
+    Raises TheoryError for a file that is not a dump of step 0, lacks a column or is cut off.
     """
     with _opened(path) as stream:
         head = _head(stream)
         if head[1] != ["0"]:
             raise TheoryError(
-                f"{path}: begins at step {head[1][0]}, must be 0: the slip of later contacts is not dumped"
+                f"{path}: begins at step {head[1][0]}, must be 0, because dumps do not hold the slip of contacts"
             )
         names, count = head[8][2:], int(head[3][0])
         axes = "xyz"[: 3 if "Displacement.Z" in names else 2]
         places, ways = [*axes], [f"Displacement.{axis.upper()}" for axis in axes]
         rates, spins, turns = [f"v{axis}" for axis in axes], _SPINS[len(axes)], _TURNS[len(axes)]
-        # Columns that a dump of spheres that do not turn may lack
+        # Columns that the dump needs only if spheres turn
         turning = (spins + turns if turned else spins) if rotation else []
         needed = ["id", "type", *places, "radius", *ways, *rates, *turning]
         missing = [name for name in needed if name not in names]
@@ -301,14 +302,14 @@ def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) ->
 
 
 def _placed(spheres: Spheres, materials: Sequence[Material], **laws: Any) -> tuple[Network, State]:
-    """Return the network of spheres with these materials and laws, and the state they start from.
+    """Return the network of spheres with these materials and laws, and the state from which they start.
 
     Raises TheoryError for a type without a material.
     """
     last = spheres.types.max()
     if last > 2 * len(materials):
         raise TheoryError(
-            f"a sphere has type {last}, which is of material {(last + 1) // 2}; materials has {len(materials)}"
+            f"a sphere has type {last}, which means material {(last + 1) // 2}; materials has {len(materials)}"
         )
     kind, held = (spheres.types - 1) // 2, spheres.types % 2 == 0
     network = Network(
@@ -319,7 +320,7 @@ def _placed(spheres: Spheres, materials: Sequence[Material], **laws: Any) -> tup
 
 
 def _rotation(columns: Floats) -> Floats:
-    """Return angles (N, 1) as they are; of quaternions (N, 4) twice the vector over the scalar, (N, 3)."""
+    """Return angles (N, 1) unchanged, and for quaternions (N, 4) twice their vector over their scalar, (N, 3)."""
     if columns.shape[1] == 1:
         return columns
     scalar = columns[:, :1]
@@ -335,7 +336,7 @@ def _head(stream: TextIO) -> list[list[str]]:
 
 
 def _cell(head: list[list[str]], dimension: int) -> tuple[float, ...]:
-    """Return the periods along the axes, inf for other edges, from the nine lines before the spheres."""
+    """Return the period along each axis from the nine lines before the spheres; inf along an axis without one."""
     edges = zip(head[4][3:], head[5:8], strict=True)
     periods = [float(high) - float(low) if edge == "pp" else np.inf for edge, (low, high) in edges]
     return tuple(periods[:dimension])

@@ -1,7 +1,7 @@
-"""Network as the engine of a run: the time steps of LAMMPS without LAMMPS, in compiled loops, by JAX or in NumPy.
+"""Network as the engine of a run: LAMMPS's time steps without LAMMPS, in compiled loops, by JAX or in NumPy.
 
-`granular_lmp.runs.engine` defines the interface. The spheres begin as in the deck; contact laws, walls, drives and
-steps are those of this package.
+`granular_lmp.runs.engine` defines the interface. The spheres start as in the deck; contact laws, walls, drives and
+steps are those of `granular_analysis`.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -32,13 +32,14 @@ __all__ = ["NetworkEngine"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-STEPS = {  # what takes the steps, as a device ends, and its module
+STEPS = {  # last word of a device, and the module that takes its steps
     "C": "granular_analysis.theory.network_compiled",
     "JAX": "granular_analysis.theory.network_traced",
     "NumPy": "granular_analysis.theory.network_verlet",
 }
-# Bytes. Measured, the most that a process held by JAX on a CPU: 370 MB, and a sphere of a perfect sheet 3.5 kB, of an
-# imperfect one 5.2 kB, of fcc 10.5 kB. Without a wave also the record, while it is read
+# Bytes of a process, of each sphere by dimension, and of each sphere in each record of a run without a wave while it is
+# read. Measured maxima with JAX on a CPU: 370 MB, and for each sphere 3.5 kB in a perfect sheet, 5.2 kB in an imperfect
+# one, 10.5 kB in fcc
 _PROCESS, _SPHERE, _READ = 4e8, {2: 5500.0, 3: 11000.0}, 130.0
 
 
@@ -48,10 +49,10 @@ class NetworkEngine:
 
     Attributes
     ----------
-    device : name in ``run.json``; it ends with what takes the steps.
+    device : name in ``run.json``; its last word is C, JAX or NumPy, see `STEPS`.
     room : memory of the GPU in bytes; inf without a GPU.
-    at_once : number of simultaneous runs on this machine, which share its memory; a process that receives the engine
-        counts as one.
+    at_once : number of simultaneous runs on this machine, which share its memory; 1 in a process that receives the
+        engine.
     """
 
     device: str
@@ -59,7 +60,7 @@ class NetworkEngine:
     at_once: int = 1
 
     def __reduce__(self) -> tuple[type["NetworkEngine"], tuple[str, float]]:
-        """Return what another process makes the engine of."""
+        """Return the class and the arguments with which another process makes the engine."""
         return NetworkEngine, (self.device, self.room)
 
     @classmethod
@@ -96,16 +97,16 @@ class NetworkEngine:
 
     @property
     def by(self) -> str:
-        """Name of what takes the steps: C, JAX or NumPy."""
+        """Key of `STEPS`: C, JAX or NumPy."""
         return self.device.split(", ")[-1]
 
     @property
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of the software that takes the steps."""
+        """Return the versions of the packages that take the steps, for ``run.json``."""
         return {"jax": version("jax")} if self.by == "JAX" else {}
 
     def refuse_larger(self, scene: Scene) -> None:
-        """Raise TheoryError for runs that need more memory than is free on this machine, or than the GPU has."""
+        """Raise TheoryError if the runs of a scene need more memory than this machine has free, or than the GPU has."""
         spheres, records = scene.shape.spheres, scene.time.samples + 1 if scene.wave is None else 0
         of_device = _PROCESS + _SPHERE[scene.space] * spheres
         of_host = self.at_once * (of_device + _READ * spheres * records)
@@ -118,7 +119,7 @@ class NetworkEngine:
                 )
 
     def begin(self, setting: Setting) -> "Motion":
-        """Return the motion of a run; raise SceneError for what the network does not support or memory cannot hold.
+        """Return the motion of a run; raise SceneError if the network leaves something out or memory is too small.
 
         A process that received the engine from another process prepares its own device.
         """
@@ -132,19 +133,19 @@ class NetworkEngine:
 
 
 def first_of(scene: Scene) -> tuple[FirstSnapshot, Setting]:
-    """Return the network with which the run of a scene begins, and its setting; nothing is run.
+    """Return the network at the start of a scene's run, and the setting of the run, without running it.
 
-    Raises SceneError for a scene with ``time.tolerance``, which has no step, and TheoryError for what the network does
-    not hold.
+    Raises SceneError for a scene with ``time.tolerance``, which has no time step, and TheoryError for a scene that the
+    network leaves out.
     """
-    if scene.wave is None:  # which spheres are recorded changes no motion
+    if scene.wave is None:  # the choice of recorded spheres does not change the motion
         scene = replace(scene, output=replace(scene.output, rows=(), spheres=()))
     setting = setting_of(scene)
     return _first(setting), setting
 
 
 def _first(setting: Setting) -> FirstSnapshot:
-    """Return the network of a setting; raises TheoryError for what it does not hold."""
+    """Return the network of a setting; raise TheoryError for a scene that the network leaves out."""
     record = Record(np.empty(0), {}, setting.scene, dict(setting.info))
     begun, size = setting.spheres, np.linalg.norm(setting.spheres.rotation, axis=1, keepdims=True)
     turn = begun.rotation
@@ -167,12 +168,12 @@ def _first(setting: Setting) -> FirstSnapshot:
 
 
 def kind_of(device: str) -> str:
-    """Return what `NetworkEngine.on` takes for a device as ``run.json`` names it."""
+    """Return the argument of `NetworkEngine.on` for a device as ``run.json`` names it."""
     return {"cpu, NumPy": "numpy", "cpu, JAX": "jax"}.get(device, device.split(",")[0].split()[0])
 
 
 def _free() -> float:
-    """Return the bytes of memory that are free, inf where the system does not say it."""
+    """Return the free memory in bytes; inf if the system does not report it."""
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
         return next(1024.0 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
@@ -181,7 +182,7 @@ def _free() -> float:
 
 
 class Motion:
-    """The network of a run on its way, by steps of a module: `STEPS`."""
+    """Motion of the network of a run, with the steps of a module of `STEPS`."""
 
     def __init__(self, first: FirstSnapshot, setting: Setting, steps: Any) -> None:
         self.network, self.state, self.step, self.distances = (
@@ -196,13 +197,13 @@ class Motion:
         self._found_again(pairs)
 
     def _found_again(self, pairs: Pairs) -> None:
-        """Take other pairs: which of them touched at rest, and how many that did are too far apart to be listed."""
+        """Take a new list of pairs: find those that touched at rest, and count those that are no longer listed."""
         self.pairs, self.arrays = pairs, self.steps.arrays_of(pairs)
         self.at_rest = np.isin(_keys(pairs, len(self.network.position)), self.rested)
         self.lost = len(self.rested) - int(np.count_nonzero(self.at_rest))
 
     def moments(self, stops: Iterable[int], kept: Mapping[str, NDArray[Any]] | None) -> Iterator["Moment"]:
-        """Yield the spheres after each of some numbers of steps, from the start or from a checkpoint on."""
+        """Yield the spheres after each of some ascending numbers of steps, from the start or from a checkpoint."""
         begin = None if kept is None else self._read(kept)
         for found in self.steps.moments(self.network, self.state, self.step, stops, begin):
             yield Moment(self, found)
@@ -215,7 +216,7 @@ class Motion:
         return network_verlet.Moment(int(kept["number"]), state, now)
 
     def look(self, found: network_verlet.Moment, reach: float) -> Look:
-        """Return what guards see."""
+        """Return the extremes for guards, of the spheres whose distance to the recorded one is below `reach`."""
         if found.state.pairs is not self.pairs:
             self._found_again(found.state.pairs)
         seen = self.steps.extremes(self.network, self.arrays, found.now, self.at_rest, self.distances < reach)
@@ -224,7 +225,7 @@ class Motion:
 
 
 def _keys(pairs: Pairs, spheres: int) -> NDArray[np.intp]:
-    """Return a number for each pair."""
+    """Return a unique number for each pair."""
     return np.asarray(pairs.first * (2 * spheres) + pairs.second)
 
 
@@ -235,9 +236,11 @@ class Moment:
         self.of, self.found, self.number = of, found, found.number
 
     def fields(self, spheres: Integers) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return displacement, velocity, rotation and spin; of what drives move the velocity that contacts see.
+        """Return displacement, velocity, rotation and spin of n spheres, (n, d); in the plane rotations are (n, 1).
 
-        Of what they turn it is the spin that contacts see in the next step, as LAMMPS sets it at the end of one.
+        For spheres that a drive moves, the velocity is the one that contacts see in this step. For spheres that a
+        drive turns, the spin is the one that contacts see in the next step, because LAMMPS sets it at the end of a
+        step.
         """
         network, now = self.of.network, self.found.now
         rows = np.array(self.of.steps.taken(now.motion, spheres))
@@ -253,22 +256,22 @@ class Moment:
         place, turn, velocity, spin = (
             part.T for half in np.split(rows, 2) for part in np.split(half, [network.dimension])
         )
-        if turn.shape[1] == 3:  # twice the tangent of half the angle, along the axis
+        if turn.shape[1] == 3:  # the network holds 2 tan(angle/2) along the axis
             size = np.linalg.norm(turn, axis=1, keepdims=True)
             turn = turn * np.divide(2 * np.arctan(size / 2), size, out=np.ones_like(size), where=size > 0)
         return place, velocity, turn, spin
 
     def look(self, reach: float) -> Look:
-        """Return what guards see."""
+        """Return the extremes for guards, of the spheres whose distance to the recorded one is below `reach`."""
         return self.of.look(self.found, reach)
 
     def forces(self, spheres: Integers) -> Floats:
-        """Return the forces on spheres that are free to move, (n, d)."""
+        """Return the forces on n spheres that are neither held nor moved, (n, d)."""
         rates = self.of.steps.taken(self.found.now.rates[: self.of.network.dimension], spheres)
         return np.asarray((rates * self.of.network.mass[spheres]).T)
 
     def contacts(self, spheres: Integers) -> tuple[Integers, Floats]:
-        """Return the closed contacts among spheres, as `granular_lmp.runs.engine.Moment`."""
+        """Return the closed contacts among some spheres, see `granular_lmp.runs.engine.Moment.contacts`."""
         network, pairs = self.of.network, self.found.state.pairs
         inside = np.zeros(len(network.position) + len(network.walls), dtype=bool)
         inside[spheres] = True
@@ -284,7 +287,7 @@ class Moment:
         return np.stack([pairs.first, pairs.second])[:, own], table.T
 
     def kept(self) -> Mapping[str, NDArray[Any]]:
-        """Return what the next step follows from; pairs are those of the places at which they were searched."""
+        """Return all arrays that the next step needs; `place` are the places at which pairs were searched."""
         now = self.found.now
         arrays = {"motion": now.motion, "memory": now.memory, "begun": now.begun, "rates": now.rates}
         return {name: np.array(each) for name, each in arrays.items()} | {"place": self.found.state.pairs.place}

@@ -1,14 +1,16 @@
-"""Measured stiffnesses of contacts, and their spread: the factors of their forces.
+"""Factors of contact forces from measured stiffnesses and their spread.
 
-A stiffness that is declared in N/m at rest scales the force of its contact at every overlap. With the law P(δ), k(δ) of
-the moduli, and the load F0 on a contact at rest, the normal stiffness K takes the factor c = K/k(δ) at the δ where
-c P(δ) = F0; the shear stiffness is declared of the same δ.
+A stiffness declared in N/m at rest scales the force of its contact at every overlap. The moduli give a law with force
+P(δ) and stiffness k(δ). For a normal stiffness K and a load F0 on the contact at rest the factor is c = K/k(δ), at the
+overlap δ where c P(δ) = F0. The factor of the shear force is the ratio of declared and computed stiffness at the same
+δ.
 
-Spheres of stiffnesses with a spread σ are in eight classes, whose deviates g are the means of a Gaussian over eighths
-of the probability, of variance 1: contacts of classes c and d have the factor 1 + σ(g_c + g_d)/√2, with a wall 1 + σ g.
+If stiffnesses have a spread σ, each sphere belongs to one of eight classes. The deviates g of the classes are the means
+of a Gaussian over eighths of its probability, scaled to variance 1. A contact between classes c and d has the factor
+1 + σ(g_c + g_d)/√2, a contact with a wall 1 + σ g.
 
-Spheres to which a table gives factors s are of as many kinds as there are pairs of a normal and a shear factor, the
-first 1 and 1. Their contacts are springs in series, 2/(1/s_i + 1/s_j), and s with a wall.
+If a table gives factors s to spheres, each pair of a normal and a shear factor is a kind; the first kind is (1, 1).
+Contacts are springs in series, 2/(1/s_i + 1/s_j); with a wall the factor is s.
 """
 
 from typing import NamedTuple
@@ -24,14 +26,15 @@ from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]
 CLASSES = 8
-_FACTORS = "normal_stiffness", "shear_stiffness"  # of a table of spheres
-_WIDE = 1e4  # an overlap at rest is sought up to as many times that of the force that the moduli give
+_FACTORS = "normal_stiffness", "shear_stiffness"  # columns of a table of spheres
+_WIDE = 1e4  # an overlap at rest is sought up to this multiple of the overlap from the moduli
 
 
 class Kind(NamedTuple):
-    """Constants of the spheres of a material, SI; the radius is None for that of the lattice.
+    """Constants of the spheres of a material, in SI units.
 
-    number : 0 of the lattice, n of the n-th inclusion if a pair names it, −1 of any other.
+    number : 0 for the lattice, n for the n-th inclusion if a [[pair]] names it, −1 for other inclusions.
+    radius : None for the radius of the lattice.
     """
 
     youngs_modulus: float
@@ -42,9 +45,9 @@ class Kind(NamedTuple):
 
 
 def kinds_of(scene: Scene) -> list[Kind]:
-    """Return the materials of a scene, by number of the types in its deck: the lattice's, then each that is new.
+    """Return the materials of a scene in the order of the types in its deck: the lattice, then each new inclusion.
 
-    An inclusion that a pair names has a material of its own.
+    An inclusion that a [[pair]] names is a material of its own, even if its constants are not new.
     """
     sphere, adheres = scene.material, scene.effects.adhesion is not False
     own = Kind(sphere.youngs_modulus, sphere.poisson_ratio, sphere.work_of_adhesion * adheres)
@@ -59,23 +62,23 @@ def kinds_of(scene: Scene) -> list[Kind]:
 
 
 def deviates() -> Floats:
-    """Return the deviates of the classes, (8,)."""
+    """Return the deviates g of the classes, (8,), ascending, with mean 0 and variance 1."""
     from scipy.special import ndtri  # slow to import, and only spreads need it
 
     edges = ndtri(np.linspace(0, 1, CLASSES + 1))
-    means = -np.diff(np.exp(-(edges**2) / 2))  # over √(2π)/8, which the variance takes out
+    means = -np.diff(np.exp(-(edges**2) / 2))  # without the factor 8/√(2π), which cancels in the next line
     return np.asarray(means / np.sqrt(np.mean(means**2)))
 
 
 def spread(factors: Floats, deviation: float) -> Floats:
-    """Return the factors (8K, 8K, 2) of classes of K materials, in turn, from those of the materials (K, K, 2)."""
+    """Return the factors (8K, 8K, 2) of K materials with eight classes each, from factors (K, K, 2) and a spread σ."""
     own = deviates()
     more = 1 + deviation * (own[:, None] + own) / np.sqrt(2)
     return _divided(factors, np.stack([more, more], axis=-1))
 
 
 def levels_of(scene: Scene) -> Floats:
-    """Return the pairs of factors that a table gives to spheres, (L, 2), the first 1 and 1, the others ascending."""
+    """Return the different pairs of factors in a scene's table, (L, 2): (1, 1) first, then ascending."""
     table = scene.packing.table.columns
     given = [np.nan_to_num(table[name], nan=1.0) if name in table else [1.0] for name in _FACTORS]
     pairs = {*zip(*np.broadcast_arrays(*given), strict=True)} - {(1.0, 1.0)}
@@ -83,7 +86,7 @@ def levels_of(scene: Scene) -> Floats:
 
 
 def in_series(factors: Floats, levels: Floats) -> Floats:
-    """Return the factors (LK, LK, 2) of L kinds of spheres of K materials, in turn, from those of the materials."""
+    """Return the factors (LK, LK, 2) of K materials with L levels each, from factors (K, K, 2) and levels (L, 2)."""
     return _divided(factors, 2 / (1 / levels[:, None] + 1 / levels))
 
 
@@ -98,15 +101,16 @@ def scaled(
     load: float,
     declared: tuple[float | None, float | None],
 ) -> tuple[float, float]:
-    """Return the factors of the normal and the shear force of a contact whose stiffnesses are declared.
+    """Return the factors of the normal and the shear force of a contact with declared stiffnesses.
 
     Parameters
     ----------
-    materials, radii : of both bodies; a radius of inf is a plane.
-    load : force that presses them together at rest.
-    declared : normal and shear stiffness at rest, None for those that the moduli give.
+    materials, radii : materials and radii of both bodies, in any consistent units; a radius of inf is a plane.
+    adhesion : law of the normal force.
+    load : force that presses the bodies together at rest.
+    declared : normal and shear stiffness at rest; None for the stiffness that the moduli give.
 
-    Raises TheoryError for bodies that neither adhere nor are pressed together.
+    Raises TheoryError for bodies that neither adhere nor are pressed together: their stiffness at rest is 0.
     """
     normal, shear = declared
     if normal is None and shear is None:
@@ -115,7 +119,7 @@ def scaled(
     A, B, F, _ = mixed(materials, (np.array([0]), np.array([1])), (one, other))
     size = float(((F[0] + load) / A[0]) ** (2 / 3))
     if not size:
-        raise TheoryError("normal_stiffness, shear_stiffness: of a contact at rest that nothing presses or holds")
+        raise TheoryError("normal_stiffness, shear_stiffness: the contact at rest has neither a load nor adhesion")
 
     def law(overlap: float) -> Law:
         return AT_REST[adhesion]([overlap], A, B, F)

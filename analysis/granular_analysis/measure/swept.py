@@ -1,4 +1,4 @@
-"""The folder of a sweep: which of its runs are finished, and what was varied in each, in the order of its table."""
+"""Folder of a sweep: its finished runs and their varied values, in the order of its table."""
 
 import csv
 import json
@@ -12,18 +12,20 @@ from granular_lmp.runs.record import STATUS, Record
 
 @dataclass(frozen=True)
 class Swept:
-    """The finished runs of a sweep.
+    """Finished runs of a sweep.
 
     Attributes
     ----------
     over : list of str
-        The keys that were varied.
+        Varied keys.
     points : list of dict
-        The line of ``sweep.csv`` of each finished run, the first one where several points share a run.
+        Line of ``sweep.csv`` of each finished run; if several points share a run, the first of their lines.
+    folder : Path
+        Folder of the sweep.
     missing : int
-        Points whose run is not finished.
+        Number of points without a finished run.
     shared : int
-        Points whose run is that of another one.
+        Number of points that share the run of an earlier point.
     """
 
     over: list[str]
@@ -38,9 +40,9 @@ class Swept:
         return [self.folder / point["run"] for point in self.points]
 
     def columns(self, records: Sequence[Record]) -> dict[str, list[str]]:
-        """Return the varied values of each run by its scene, and as "KEY_asked" those asked for if any differs.
+        """Return the varied values of each run by key; as "KEY_asked" also the values asked for, if any differs.
 
-        The table is only asked for what the scenes do not say: a wave vector, and what was asked for.
+        The values come from the scenes; the table adds values that no scene holds: wave vectors, and values asked for.
         """
         found: dict[str, list[str]] = {}
         for key in self.over:
@@ -51,9 +53,9 @@ class Swept:
 
     @classmethod
     def load(cls, folder: str | Path) -> Self | None:
-        """Read ``sweep.json`` and ``sweep.csv``; None for a folder that holds no sweep.
+        """Return the sweep in a folder; None if the folder has no ``sweep.json``, or is that of a run.
 
-        Raises SystemExit with one line when a file cannot be read, or no run is finished.
+        Raises SystemExit with one line if a file cannot be read, or no run is finished.
         """
         folder = Path(folder)
         if not (folder / "sweep.json").is_file() or (folder / STATUS).is_file():
@@ -65,7 +67,7 @@ class Swept:
             finished = [row for row in rows if row["status"] == "finished"]
             runs: dict[str, dict[str, str]] = {}
             for row in finished:
-                runs.setdefault(row["run"], row | {key: row[key] for key in over})  # a key that lacks is an error here
+                runs.setdefault(row["run"], row | {key: row[key] for key in over})  # KeyError for a missing column
         except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
             raise SystemExit(f"{folder}: not the folder of a sweep: {error!r}") from error
         if not finished:
@@ -75,7 +77,7 @@ class Swept:
 
 
 def _words(record: Record, key: str, listed: str) -> str:
-    """Return the value of a key in a run, in the words of the table if these say the same."""
+    """Return the value of a key in a run; as the table writes it, if the table has the same value."""
     ran = record.scene.used.get(key, record.scene.value(key))
     try:
         same = float(listed) == ran

@@ -1,16 +1,16 @@
-"""Points of traces, the motion of spheres at given times, as a run of the network gives them, with their slopes.
+"""Points of traces (the motion of a sphere at a time) predicted by a run of the network, and their slopes.
 
-A run from what a scene declares has the steps of its LAMMPS run (`granular_analysis.theory.network_verlet`). All runs
-of a fit have one step in seconds, that of the scene from which it starts, so that what they give is smooth in the keys.
-Between steps motions are Hermite's polynomials of third order of displacement and velocity.
+The run takes the same steps as the LAMMPS run of its scene (`granular_analysis.theory.network_verlet`). All runs of a
+fit have the same step in seconds, that of the scene from which the fit starts: so the points are smooth functions of
+the keys. Between two steps, Hermite's cubic through displacement and velocity gives the motion.
 
-The slope by a key θ is dy/dθ = (∂y/∂g)(dg/dθ), with all numbers g that a run begins with: stiffnesses, overlaps,
-masses, the motion at the start, signals of sources, dashpots. The change of the numbers with the key is a difference of
-closed forms, which costs no run; that of the whole run with the numbers is exact, by forward mode
-(`granular_analysis.theory.network_gradient`, which needs JAX). So every number that a scene takes may be free.
+The slope with respect to a key θ is dy/dθ = (∂y/∂g)(dg/dθ), where g are all numbers with which a run begins:
+stiffnesses, overlaps, masses, the motion at the start, signals of sources, dashpots. dg/dθ is a difference of closed
+forms, which costs no run. ∂y/∂g is exact, by forward mode over the whole run
+(`granular_analysis.theory.network_gradient`, which needs JAX). So any number of a scene may be free.
 
-Good values: time.timestep of at most a third of the time in which the fastest motion turns by one radian. When it
-breaks: where contacts open, close or slide, a trace has a kink and its slope is refused.
+Good values: time.timestep at most a third of the time in which the fastest motion turns by one radian. When it breaks:
+if contacts open, close or slide, a trace has a kink, and its slope is refused.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,9 +36,9 @@ __all__ = ["TracedRuns"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-# Difference of fourth order of what a run begins with, to both sides, or to one next to a bound: forces at rest, which
-# are larger than those of a wave and cancel, leave 1e-9 of a slope by truncation, and overlaps, which are small against
-# radii, 1e-6 at most by rounding
+# Relative change of a key for dg/dθ, a difference of fourth order: central, or one-sided next to a bound. Truncation
+# changes a slope by 1e-9, because forces at rest are larger than those of a wave and cancel; rounding by at most 1e-6,
+# because overlaps are small against radii
 _APART = 1e-3
 _BESIDE = {0: -25 / 12, 1: 4.0, 2: -3.0, 3: 4 / 3, 4: -1 / 4}
 _STENCILS = (
@@ -46,14 +46,14 @@ _STENCILS = (
     _BESIDE,
     {-far: -weight for far, weight in _BESIDE.items()},
 )
-# Rows of the motion of a sphere in the plane and in space, without those of rates
+# Rows of the motion of a sphere in the plane and in space; the rates follow in the same order
 _ROWS = {2: ("displacement_x", "displacement_y", "rotation_z"), 3: tuple(TRACES)[:3] + tuple(TRACES)[6:9]}
 _RATES = {"velocity": "displacement", "spin": "rotation"}
-_TRAITS = ("viscosity", "restitution", "friction")  # numbers for which a run is compiled
+_TRAITS = ("viscosity", "restitution", "friction")  # constants of a compiled run
 
 
 class _Begun(NamedTuple):
-    """A scene at its start, the step in units of its deck, and the units of the points there in SI, (N,)."""
+    """A scene at its start, the step in units of its deck, and the unit of each point in the deck, in SI (N,)."""
 
     first: FirstSnapshot
     step: float
@@ -62,12 +62,12 @@ class _Begun(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TracedRuns:
-    """Points of traces in the runs of scenes that differ from one by its free keys.
+    """Points of traces, predicted by runs of scenes that differ only in their free keys.
 
     Attributes
     ----------
-    scene : from which a fit starts; it gives the step.
-    points : of traces.
+    scene : the scene from which a fit starts; it sets the step of all runs.
+    points : the measured points of traces, N.
     """
 
     scene: Scene
@@ -84,7 +84,7 @@ class TracedRuns:
 
     @cached_property
     def steps(self) -> int:
-        """Number of steps to the last time."""
+        """Number of steps up to the time of the last point."""
         return max(int(np.ceil(self._times.max() / self.step - 1e-9)), 1)
 
     @cached_property
@@ -94,10 +94,10 @@ class TracedRuns:
 
     @cached_property
     def _chosen(self) -> tuple[Integers, Integers, Integers]:
-        """Spheres that are recorded, and of each point which of them it is of, and its row of the motion.
+        """Recorded spheres; and for each point the index of its sphere among them, and its row of the motion.
 
-        Raises TheoryError for a sphere that is not there or that a source moves, and for a motion that spheres of the
-        scene do not have.
+        Raises TheoryError for a sphere that is not there or that a source moves, for a time before the start, and for
+        a motion out of the plane if the spheres stay in it.
         """
         network = self._start.first.network
         places = ((f"line {each.line}", each.row, each.column, each.layer) for each in self.points)
@@ -112,14 +112,14 @@ class TracedRuns:
             name, _, axis = each.kind.partition("_")
             still = f"{_RATES.get(name, name)}_{axis}"
             if still not in rows:
-                raise TheoryError(f"line {each.line}: {each.kind}: spheres in the plane have {', '.join(rows)} alone")
+                raise TheoryError(f"line {each.line}: {each.kind}: spheres in the plane have {', '.join(rows)} only")
             ways.append(rows.index(still) + len(rows) * (name in _RATES))
         every, which = np.unique(spheres, return_inverse=True)
         return every, which, np.array(ways)
 
     @cached_property
     def _reading(self) -> "_Reading":
-        """How the points are read off the motion of the recorded spheres."""
+        """Steps, rows and weights that give the points from the motion of the recorded spheres."""
         _, which, row = self._chosen
         freedoms = len(_ROWS[self._start.first.network.dimension])
         before = np.minimum((self._times / self.step).astype(np.intp), self.steps - 1)
@@ -136,7 +136,11 @@ class TracedRuns:
         return _Begun(first, self.step / scales.second, np.array(units))
 
     def predicted(self, scene: Scene) -> Floats:
-        """Return what the points would be, (N,), by a run in compiled loops, or in NumPy without a C compiler."""
+        """Return the points (N,) predicted for a scene, in SI units.
+
+        The run is in compiled loops, or in NumPy without a C compiler. Raises TheoryError as the network does for a
+        scene that it leaves out, and for a point without a sphere.
+        """
         spheres, begun = self._chosen[0], self._begun(scene)
         run = fastest_march()(begun.first.network, begun.first.state, begun.step, self.steps, 1)
         motion = np.array([each[:, spheres] for each in run])
@@ -145,9 +149,9 @@ class TracedRuns:
     def _beside(
         self, at: Callable[[Floats], Scene], values: Floats, change: Floats, here: _Begun
     ) -> tuple[list[_Begun], Sequence[float]]:
-        """Return scenes at their start at the points of a difference, and its weights; `here` is that of the values.
+        """Return the scenes of a difference along `change`, at their start, and their weights.
 
-        Raises TheoryError next to bounds on both sides.
+        `here` is the scene of `values`. Raises TheoryError if bounds on both sides refuse every stencil.
         """
         for stencil in _STENCILS:
             try:
@@ -158,14 +162,14 @@ class TracedRuns:
         raise TheoryError(str(refused))
 
     def slopes(self, at: Callable[[Floats], Scene], values: Floats) -> Floats:
-        """Return the slopes (N, P) of the points by the values (P,) of which `at` makes a scene.
+        """Return ∂(points)/∂(values), (N, P), in SI units; `at` makes a scene from the values (P,) of the keys.
 
-        Raises TheoryError without JAX, where a contact opens, closes or slides, and for a key with whose change other
-        spheres may touch.
+        Raises TheoryError without JAX, if a contact opens, closes or slides, and for a key that changes which spheres
+        may touch, or which effects are on.
         """
         if find_spec("jax") is None:
             raise TheoryError("JAX is not installed: pip install 'granular-lmp[jax]'")
-        NetworkEngine.on("jax")  # keeps what it compiles for the next command
+        NetworkEngine.on("jax")  # caches compiled code for the next command
         import jax  # an extra, and slow to import
 
         from granular_analysis.theory import network_gradient
@@ -174,7 +178,7 @@ class TracedRuns:
         reference = self._start.first.network
 
         def started(begun: _Begun) -> tuple[Run, dict[str, Any]]:
-            """Return a run of the traits of the start, for which it is compiled, and the factor of its dashpots."""
+            """Return a run with the compiled constants of the first scene, and the factor of its dashpots instead."""
             own = begun.first.network
             network = replace(own, **{name: getattr(reference, name) for name in _TRAITS})
             run = Run(network, begun.first.state, begun.step, self.steps, 1, self._chosen[0])
@@ -187,7 +191,7 @@ class TracedRuns:
             ends, weights = self._beside(at, values, change, here)
             runs, losses = zip(*map(started, ends), strict=True)
             if not all(_alike(each, run) for each in runs):
-                raise TheoryError("other spheres may touch, or other effects are on, when a key changes")
+                raise TheoryError("a change of a key changes which spheres may touch, or which effects are on")
             slope = partial(_slope, weights=weights, size=change.sum())
             ways.append(jax.tree.map(slope, *((each.given, loss) for each, loss in zip(runs, losses, strict=True))))
             units.append(slope(*(each.units for each in ends)))
@@ -197,15 +201,16 @@ class TracedRuns:
 
 
 class _Reading(NamedTuple):
-    """How N points are read off motions.
+    """Steps, rows and weights that give N points from a motion (steps + 1, 2f, n).
 
     Attributes
     ----------
-    before : step before each.
-    which : of the recorded spheres each is of.
-    place : rows of its displacement or turn; those of the velocity or spin follow as many rows below.
-    weights : (4, N) of place and speed before and after it; speeds count as ways in a step.
-    rate : whether it is a velocity or spin.
+    before : (N,) last step before each point.
+    which : (N,) index of its sphere among the recorded ones.
+    place : (N,) row of its displacement or rotation; the velocity or spin is f rows further.
+    weights : (4, N) of displacement and velocity at the step before and the step after; velocities are multiplied by
+        the step.
+    rate : (N,) whether the point is a velocity or a spin.
     """
 
     before: Integers
@@ -216,7 +221,7 @@ class _Reading(NamedTuple):
 
 
 def _read(motion: Any, step: Any, before: Integers, which: Integers, place: Any, weights: Any, rate: Any) -> Any:
-    """Return the points (N,) of motions (steps + 1, 2f, n), of NumPy or of JAX, in units of the deck."""
+    """Return the points (N,), in units of the deck, of a motion (steps + 1, 2f, n) in NumPy or JAX."""
     speed = place + motion.shape[1] // 2
     ends = [(before, place), (before, speed), (before + 1, place), (before + 1, speed)]
     here, fast, there, faster = (motion[time, row, which] for time, row in ends)
@@ -225,12 +230,12 @@ def _read(motion: Any, step: Any, before: Integers, which: Integers, place: Any,
 
 
 def _read_off(found: Any, reading: _Reading) -> Any:
-    """Return the points of a record of `granular_analysis.theory.network_gradient`."""
+    """Return the points (N,) of a record of `granular_analysis.theory.network_gradient`."""
     return _read(found.motion, found.times[1], *reading)
 
 
 def _loss(network: Network) -> float:
-    """Return to what all dashpots of a network are proportional."""
+    """Return the number to which all dashpots of a network are proportional."""
     return network.viscosity if network.restitution is None else damping_ratio(network.restitution)
 
 
@@ -242,7 +247,7 @@ def _alike(run: Any, other: Any) -> bool:
 
 
 def _slope(*values: Any, weights: Sequence[float], size: float) -> Any:
-    """Return the slope of an array of numbers by its values at points of `_STENCILS`, a size apart; integers stay."""
+    """Return the derivative of an array from its values at the points of a stencil, `size` apart; integers stay."""
     if not np.issubdtype(values[0].dtype, np.floating):
         return values[0]
     return sum(weight * each for weight, each in zip(weights, values, strict=True)) / size

@@ -1,8 +1,8 @@
-"""Measured motion of spheres at equally spaced times: of the monitors of a run, or of a table of measured points.
+"""Measured motion of spheres at equally spaced times, from the monitors of a run or from a table of measured points.
 
-Tables are those of `granular_analysis.measure.points`, without errors, as ``granular-lmp export RUN --monitor NAME``
-writes them too. Displacements are taken where there are any, else velocities. A table may have gaps, and times before
-the start of the run.
+A table has the format of `granular_analysis.measure.points`, without errors, as ``granular-lmp export RUN --monitor
+NAME`` writes it too. Displacements are read; if there are none, velocities. A table may have gaps, and times before the
+start of the run.
 """
 
 from collections.abc import Iterable, Mapping
@@ -24,8 +24,8 @@ __all__ = ["Traces"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 _TAKEN = [[f"{name}_{axis}" for axis in "xyz"] for name in ("displacement", "velocity")]
-_EQUAL = 1e-3  # of the time between two samples
-_FEWEST = 4  # samples of a spline, as of a record
+_EQUAL = 1e-3  # times that differ by less than this share of a sample are equal
+_FEWEST = 4  # least samples of a record, and of a spline
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,12 @@ class Traces:
 
     Attributes
     ----------
-    said : its file.
-    time : (T,)
-    row, column, layer : (n,); −1 for a column or layer that a table leaves out, and for the layer of a monitor.
-    motion : (T, n) by the name of a trace, of displacements or of velocities; nan where nothing was measured.
-    understood : how a table was understood, "" of a run.
+    said : file or folder of the traces, for messages.
+    time : (T,) s.
+    row, column, layer : (n,) place of each sphere; −1 for a column or layer that a table leaves out, and for the layer
+        of a monitor.
+    motion : name of a trace, as "displacement_x", to its values (T, n) in m or m/s; nan where nothing was measured.
+    understood : description of the columns of a table, as they were read; "" for a run.
     """
 
     said: str
@@ -53,7 +54,8 @@ class Traces:
     def read(cls, path: str | Path) -> "Traces":
         """Return the traces of a run folder or of a table.
 
-        Raises GranularError for a folder or a table that cannot be read, and ValueError for a run without monitors.
+        Raises GranularError for a folder or a table that cannot be read, and ValueError for a run without monitors, and
+        for fewer than four or unequally spaced times.
         """
         return cls.of_run(Record.load(path)) if Path(path).is_dir() else cls.of_table(path)
 
@@ -61,7 +63,7 @@ class Traces:
     def of_run(cls, record: Record) -> "Traces":
         """Return the displacements of all monitors of a run."""
         if not record.scene.monitor:
-            raise ValueError(f"{record.folder}: has no [[monitor]], whose spheres are the traces")
+            raise ValueError(f"{record.folder}: has no [[monitor]]; the traces are the motion of monitored spheres")
         scales = scales_of(record)
         found = [record.monitor(each.name) for each in record.scene.monitor]
         times = found[0].tau * scales.time * scales.second
@@ -84,7 +86,7 @@ class Traces:
         places, where = np.unique([(each.row, each.column, each.layer) for each in own], axis=0, return_inverse=True)
         which = [*zip((each.kind for each in own), when.tolist(), where.ravel().tolist(), strict=True)]
         if len({*which}) < len(which):
-            raise TableError(f"{path}: two lines are of one sphere at one time")
+            raise TableError(f"{path}: two lines have the same sphere and time")
         motion = {name: np.full((len(times), len(places)), np.nan) for name in names if name in there}
         for (name, moment, place), each in zip(which, own, strict=True):
             motion[name][moment, place] = each.value
@@ -92,25 +94,28 @@ class Traces:
         return cls(str(path), times, row, column, layer, motion, table.understood).checked()
 
     def checked(self) -> "Traces":
-        """Return these; ValueError for fewer than four times, or unequal ones."""
+        """Return these traces; raise ValueError for fewer than four or unequally spaced times."""
         apart = np.diff(self.time)
         if len(self.time) < _FEWEST or np.ptp(apart) > _EQUAL * apart.mean():
             raise ValueError(f"{self.said}: must have at least {_FEWEST} times with equal steps between them")
         return self
 
     def spheres(self, scene: Scene, position: Floats) -> Integers:
-        """Return the index of each sphere in a scene, (n,); TheoryError for a place that the scene lacks or has twice.
+        """Return the index of each sphere in a scene, (n,); `position` (N, d) are the places of its spheres at rest.
 
-        `position` (N, d) are the places of its spheres at rest.
+        Raises TheoryError for a place without a sphere, and for a sphere with two traces.
         """
         places = zip(self.row.tolist(), self.column.tolist(), self.layer.tolist(), strict=True)
         found = spheres_at(((self.said, *place) for place in places), scene, position)
         if len({*found.tolist()}) < len(found):
-            raise TheoryError(f"{self.said}: a sphere is there twice, as in two monitors")
+            raise TheoryError(f"{self.said}: a sphere has two traces, as from two monitors")
         return found
 
     def at(self, grid: Floats) -> dict[str, Floats]:
-        """Return the motion at other times, (G, n) by name, nan outside of those that are there, and in gaps."""
+        """Return the motion at the times of a grid (G,), by name (G, n); nan in gaps and outside the measured times.
+
+        Times that are measured ones, within 1e-3 of a sample, are read off; otherwise cubic splines interpolate.
+        """
         apart = self.time[1] - self.time[0]
         index = np.rint((grid - self.time[0]) / apart).astype(np.intp)
         inside = (index >= 0) & (index < len(self.time))
@@ -123,13 +128,13 @@ class Traces:
 
 
 def rms(motion: Mapping[str, Floats]) -> float:
-    """Return the root mean square of all values of traces that are there, 0 without any."""
+    """Return the root mean square of all finite values of traces; 0 if there are none."""
     values = np.concatenate([each[np.isfinite(each)] for each in motion.values()])
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 def _splined(time: Floats, values: Floats, grid: Floats) -> Floats:
-    """Return values (T,) at the times of a grid, by a spline through each part of four samples without a gap."""
+    """Return values (T,) at the times of a grid (G,), from a spline through each part of at least four samples."""
     from scipy.interpolate import CubicSpline  # slow to import
 
     found = np.full(len(grid), np.nan)
@@ -142,9 +147,10 @@ def _splined(time: Floats, values: Floats, grid: Floats) -> Floats:
 
 
 def spheres_at(places: Iterable[tuple[str, int, int, int]], scene: Scene, position: Floats) -> Integers:
-    """Return the indices of spheres by what names a place, and its row, column and layer.
+    """Return the indices of the spheres at places (label for messages, row, column, layer).
 
-    A column or layer of −1 is left out, where there is one alone. Raises TheoryError for places that are not there.
+    A column or layer of −1 means the only one. Raises TheoryError if there are several, and for a place without a
+    sphere.
     """
     row, column = sites(scene, position)
     layers = len(row) // len({*zip(row.tolist(), column.tolist(), strict=True)})

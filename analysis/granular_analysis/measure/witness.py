@@ -1,14 +1,15 @@
-"""The witness of an unnamed crystal: its contacts integrated from the first snapshot, and where the deck parts from it.
+"""Witness of an unnamed crystal: its contacts, integrated from the first snapshot, and its difference from the deck.
 
-The witness starts with the places, velocities and spins of the first snapshot, and with contacts without slip. It takes
-the velocity Verlet steps of the deck, and once more a quarter of them. What separates the deck from the finer one is
+The witness starts with the places, velocities and spins of the first snapshot, and with contacts without slip. It is
+integrated by velocity Verlet with the steps of the deck, and again with a quarter of the step. The deck differs from
+the finer witness by
 
-    the step        deck's steps beside a quarter of them
-    the digits      a start whose places are moved by up to half of the last digit of the dump
-    the rest        what neither the law nor the dump says: slip at the first snapshot, other forces, another law
+    the step        estimated by the witness with the deck's step
+    the digits      estimated by a start with places moved by up to half of the last digit of the dump
+    the rest        facts that neither law nor dump contains: slip at the first snapshot, other forces, another law
 
-each as the norm of the differences of all velocities over that of the velocities. Lengths, times and masses are those
-of the dump in SI units (of units lj in these).
+each as the norm of the differences of all velocities over the norm of the velocities. Lengths, times and masses are
+those of the dump in SI units; a dump in units lj keeps its own.
 """
 
 from collections.abc import Iterator
@@ -30,11 +31,11 @@ from granular_lmp.runs.unnamed import Moment, Unnamed
 
 Floats = NDArray[np.float64]
 
-FINER = 4  # steps of the finer witness in one of the deck
-PARTED = 0.01  # of the largest speed: where a sphere is off by this, deck and witness have parted
-_ROUNDING = 1e-9  # of the velocities: a difference that needs no cause
-_EVEN = 1e-4  # relative difference of steps that are one, as times printed by %g differ
-EXPLAINED = 3.0  # times step and digits: a difference of which this is more has another cause
+FINER = 4  # steps of the finer witness in one step of the deck
+PARTED = 0.01  # deck and witness part when a sphere differs by this share of the largest speed
+_ROUNDING = 1e-9  # relative difference of velocities below which no cause is needed
+_EVEN = 1e-4  # relative difference below which time steps are equal, because %g rounds the printed times
+EXPLAINED = 3.0  # a difference of more than this times step and digits has another cause
 _NORMAL: dict[str, Adhesion] = {"hertz/material": "dmt", "dmt": "dmt", "jkr": "jkr"}
 _SHEAR: dict[str, Law] = {"mindlin": "secant", "mindlin/force": "incremental"}
 _MATERIAL = ("young", "poisson", "gamma")
@@ -43,17 +44,18 @@ _ELASTIC = {"none", "linear_nohistory"}
 
 @dataclass(frozen=True)
 class Witness:
-    """Departure of a deck from its witness, and its reasons.
+    """Difference of a deck from its witness, with its likely causes.
 
     Attributes
     ----------
-    steps, timestep : steps that were taken, and the time of one.
-    error : relative error of the velocities against the finer witness.
-    step, digits : shares of it, from the step of the deck and from the digits of the dump; their likely size.
-    largest : largest difference of a velocity, of the largest speed.
-    sphere, time : the sphere that is off by most, by its number, and when it is.
-    parted : the first time at which a sphere is off by `PARTED`, and its number; None if none is.
-    reasons : sentences on what the witness cannot know.
+    steps, timestep : number of steps of the deck, and the time of one.
+    error : norm of the differences of all velocities from the finer witness, over the norm of the velocities.
+    step, digits : likely size of the same, from the step of the deck and from the digits of the dump.
+    largest : largest difference of a velocity, over the largest speed.
+    sphere, time : number of the sphere with the largest difference, and its time.
+    parted : first time at which a sphere differs by more than `PARTED`, and the number of that sphere; None if none
+        does.
+    reasons : sentences on facts that the witness cannot know.
     """
 
     steps: int
@@ -74,25 +76,25 @@ class Witness:
 
     @property
     def cause(self) -> str:
-        """The name of what explains the difference most; "" where nothing does, or there is no difference."""
+        """Name of the larger cause; "" if step and digits do not explain the difference, or there is none."""
         if not self.explained or self.error <= _ROUNDING:
             return ""
         return "the step" if self.step > self.digits else "the digits of the dump"
 
 
 def witness(crystal: Unnamed) -> Witness:
-    """Return what separates the deck of an unnamed crystal from its witness.
+    """Return the difference of the deck of an unnamed crystal from its witness.
 
     Raises
     ------
     TheoryError
-        If no law is known, or one that the network does not hold, or snapshots are not at even steps.
+        If the contact law is unknown or not in the network, or snapshots are not equally spaced in steps.
     RunFolderError
-        If no masses are known.
+        If masses are unknown.
     """
     apart = np.diff(crystal.steps)
     if not len(apart) or np.ptp(apart):
-        raise TheoryError("snapshots must be at least two, at even numbers of steps")
+        raise TheoryError("the dump must have at least two snapshots, equally spaced in steps")
     timestep = timestep_of(crystal)
     first = crystal[0]
     network = network_of(crystal)
@@ -145,11 +147,11 @@ def timestep_of(crystal: Unnamed) -> float:
     Raises
     ------
     TheoryError
-        If it changes.
+        If the step changes during the run.
     """
     each = np.diff(crystal.time) / np.diff(crystal.steps)
     if np.ptp(each) > _EVEN * each.max():
-        raise TheoryError(f"a step that changes is not built; it is {each.min():.6g} to {each.max():.6g}")
+        raise TheoryError(f"the time step changes from {each.min():.6g} to {each.max():.6g}, which is not built")
     return float((crystal.time[-1] - crystal.time[0]) / (crystal.steps[-1] - crystal.steps[0]))
 
 
@@ -167,7 +169,7 @@ def network_of(crystal: Unnamed) -> Network:
     kinds = np.unique(crystal.types)
     own = [laws[kind, kind] for kind in kinds.tolist() if (kind, kind) in laws]
     if len(own) < len(kinds):
-        raise TheoryError(f"the law of two spheres of one type is known for {len(own)} of {len(kinds)} types")
+        raise TheoryError(f"the law between spheres of equal type is known for {len(own)} of {len(kinds)} types only")
     there = {pair: law for pair, law in laws.items() if {*pair} <= {*kinds.tolist()}}
     _refuse_others(own, there)
     _refuse_outside(crystal, own[0])
@@ -180,7 +182,7 @@ def network_of(crystal: Unnamed) -> Network:
     axes = 2 if flat and not any(wall["axis"] == 2 for wall in outside["walls"]) else 3
     still |= np.isin(crystal.spheres, outside["held"])
     _refuse_restitution(crystal, law, still)
-    sheared = law["tangential"] not in _ELASTIC and law["friction"] != 0  # LAMMPS bounds the shear force by it
+    sheared = law["tangential"] not in _ELASTIC and law["friction"] != 0  # with friction 0 LAMMPS has no shear force
     return Network(
         crystal.rest[:, :axes],
         crystal.radius,
@@ -204,12 +206,12 @@ def network_of(crystal: Unnamed) -> Network:
 
 
 def _wall(wall: dict[str, Any], own: list[dict[str, Any]], axes: int) -> Wall:
-    """Return a plane whose contacts with each type of spheres are as stiff as LAMMPS makes them.
+    """Return a rigid plane with the stiffness that LAMMPS gives to contacts of each type of spheres with a wall.
 
-    LAMMPS takes the material of the wall for that of the sphere too.
+    LAMMPS uses the material of the wall for the sphere too.
     """
     normal = wall["side"] * np.eye(axes)[wall["axis"]]
-    stiff = np.array([[_modulus(each), _shear_modulus(each)] for each in own])  # of a sphere on a rigid plane
+    stiff = np.array([[_modulus(each), _shear_modulus(each)] for each in own])  # sphere on a rigid plane
     factors = np.array([_modulus(wall), _shear_modulus(wall)]) / 2 / stiff
     return Wall(tuple(wall["place"] * np.abs(normal)), tuple(normal), factors=factors)
 
@@ -223,7 +225,7 @@ def _shear_modulus(law: dict[str, Any]) -> float:
 
 
 def _pushes(crystal: Unnamed, axes: int) -> tuple[Drive, ...]:
-    """Return the constant forces of the deck."""
+    """Return the constant forces of the deck as drives."""
     rows = np.array(crystal.known["outside"]["pushes"]).reshape(-1, 4)
     there = np.isin(rows[:, 0], crystal.spheres)
     spheres = np.searchsorted(crystal.spheres, rows[there, 0])
@@ -235,7 +237,7 @@ def _pushes(crystal: Unnamed, axes: int) -> tuple[Drive, ...]:
 
 
 def _motions(crystal: Unnamed, axes: int) -> Iterator[Drive]:
-    """Yield the prescribed motions of the deck, from the places in the first snapshot."""
+    """Yield the prescribed motions of the deck as drives, relative to the places in the first snapshot."""
     for each in crystal.known["outside"]["motions"]:
         spheres = np.flatnonzero(np.isin(crystal.spheres, each["spheres"]))
         pulsation = 2 * np.pi / each["period"]
@@ -246,7 +248,7 @@ def _motions(crystal: Unnamed, axes: int) -> Iterator[Drive]:
 
 
 def _to_and_fro(rate: float, size: float, pulsation: float, begun: float) -> tuple[Function, Function]:
-    """Return displacement and velocity over time of a straight motion, and one to and fro that began at a phase."""
+    """Return displacement and velocity over time of a uniform motion plus an oscillation that starts at a phase."""
     return (
         lambda time: rate * time + size * (np.sin(pulsation * time + begun) - np.sin(begun)),
         lambda time: rate + size * pulsation * np.cos(pulsation * time + begun),
@@ -254,11 +256,14 @@ def _to_and_fro(rate: float, size: float, pulsation: float, begun: float) -> tup
 
 
 def _refuse_restitution(crystal: Unnamed, law: dict[str, Any], still: NDArray[np.bool_]) -> None:
-    """Raise TheoryError for a restitution beside held spheres, to which LAMMPS gives their mass unless they freeze."""
+    """Raise TheoryError for a restitution with held spheres, unless fix freeze holds them.
+
+    LAMMPS uses the mass of other held spheres in the dashpot.
+    """
     loose = crystal.spheres[still & ~np.isin(crystal.spheres, crystal.known["outside"]["frozen"])]
     if _restitution(law) is not None and len(loose):
         raise TheoryError(
-            f"damping coeff_restitution beside sphere {loose[0]}, which does not move, is not built; "
+            f"damping coeff_restitution with sphere {loose[0]}, which does not move, is not built; "
             "the witness knows fix freeze"
         )
 
@@ -276,23 +281,25 @@ def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[s
         if law["tangential"] not in {*_SHEAR, *_ELASTIC}:
             raise TheoryError(f"the tangential law {law['tangential']} is not built; the witness knows {[*_SHEAR]}")
         if law["shear_stiffness"] is not None and law["tangential"] in _SHEAR:
-            raise TheoryError("a shear stiffness of its own is not built; the witness knows NULL")
+            raise TheoryError("a separate shear stiffness is not built; the witness knows NULL")
         if law["tangential"] == "linear_nohistory" and law["damping"] * law["shear_damping"] * law["friction"]:
             raise TheoryError("a damping of shear without a spring is not built; the witness knows mindlin")
         if law["damping"] and law["damping_law"] not in ("velocity", "coeff_restitution"):
             raise TheoryError(f"damping {law['damping_law']} is not built; the witness knows velocity")
         if law["damping"] and law["tangential"] in _SHEAR and law["shear_damping"] != 1:
-            raise TheoryError("a damping of shear of its own is not built; the witness knows 1")
+            raise TheoryError("a separate damping of shear is not built; the witness knows 1")
     for pair, law in laws.items():
         if not law["mixed"] and any(law[name] != laws[one, one][name] for name in _MATERIAL for one in pair):
-            raise TheoryError(f"a law of their own of types {pair[0]} and {pair[1]} is not built; the witness mixes")
+            raise TheoryError(
+                f"a separate law between types {pair[0]} and {pair[1]} is not built; the witness mixes their materials"
+            )
     same = ("normal", "tangential", "friction", "damping_law", "damping")
     if any(each[name] != own[0][name] for each in laws.values() for name in same):
-        raise TheoryError("the types differ in more than their material, which is not built")
+        raise TheoryError("types that differ in more than their material are not built")
 
 
 def _refuse_outside(crystal: Unnamed, law: dict[str, Any]) -> None:
-    """Raise TheoryError for what acts on the spheres and is not in the network."""
+    """Raise TheoryError for fixes and walls of the deck that the network does not hold."""
     outside = crystal.known["outside"]
     for line in outside["others"]:
         raise TheoryError(
@@ -301,20 +308,20 @@ def _refuse_outside(crystal: Unnamed, law: dict[str, Any]) -> None:
     for wall in outside["walls"]:
         for name in ("tangential", "friction", "damping_law", "damping"):
             if wall[name] != law[name]:
-                raise TheoryError(f"a wall with {name} = {wall[name]} beside spheres with {law[name]} is not built")
+                raise TheoryError(f"a wall with {name} = {wall[name]} and spheres with {law[name]} are not built")
         if "jkr" in (wall["normal"], law["normal"]) or wall["gamma"] or wall["shear_stiffness"] is not None:
-            raise TheoryError("a wall by JKR, that adheres, or with a shear stiffness of its own is not built")
+            raise TheoryError("a wall with JKR, adhesion, or a separate shear stiffness is not built")
         if wall["normal"] not in _NORMAL:
-            raise TheoryError(f"a wall of {wall['normal']} is not built; the witness knows {', '.join(_NORMAL)}")
+            raise TheoryError(f"a wall with {wall['normal']} is not built; the witness knows {', '.join(_NORMAL)}")
     places = [{wall["side"]: wall["place"] for wall in outside["walls"] if wall["axis"] == axis} for axis in range(3)]
     if any(len(both) == 2 and both[1] - both[-1] < 2 * crystal.radius.max() for both in places):
-        raise TheoryError("a sphere that touches two opposite walls is not built; LAMMPS leaves out one of them")
+        raise TheoryError("a sphere that touches two opposite walls is not built; LAMMPS omits one of the contacts")
 
 
 def _seen(crystal: Unnamed) -> tuple[NDArray[np.bool_], bool]:
-    """Return the spheres that move in no snapshot, and whether all stay in a plane across z and turn about z alone.
+    """Return which spheres rest in all snapshots, and whether all stay in a plane normal to z and turn about z only.
 
-    Whether something holds a sphere is not seen.
+    A sphere may rest without being held.
     """
     still, flat = np.ones(len(crystal.spheres), dtype=bool), {*crystal.axes} <= {0, 1}
     for number in range(len(crystal)):
@@ -325,25 +332,25 @@ def _seen(crystal: Unnamed) -> tuple[NDArray[np.bool_], bool]:
 
 
 def _reasons(crystal: Unnamed, network: Network, first: Moment) -> Iterator[str]:
-    """Yield what the witness cannot know of the deck."""
+    """Yield sentences on facts of the deck that the witness cannot know."""
     outside, step = crystal.known["outside"], int(crystal.steps[0])
     slips = network.shear and len(crystal.contacts(first).first) > 0
     if slips and (outside["history"] or step > (outside["begin"] or 0)):
-        yield f"the first snapshot is of step {step}: the slip of its contacts is in no dump"
+        yield f"the first snapshot is at step {step}, and no dump holds the slip of its contacts"
     forgotten = outside["forgotten"]
     if slips and forgotten is not None and step < forgotten < crystal.steps[-1]:
-        yield f"the deck forgets the slip of its contacts at step {forgotten}, where it goes on from a data file"
+        yield f"the deck loses the slip of its contacts at step {forgotten}, where it continues from a data file"
     unknown = step != outside["begin"] or not outside["unturned"]
     if first.spin is None and unknown and network.shear and network.rotation:
-        yield "the dump holds no spins (omegax, omegay, omegaz); the witness begins without"
+        yield "the dump has no spins (omegax, omegay, omegaz); the witness begins without spin"
     if any("differences" in each for each in crystal.info["remarks"]):
-        yield "the dump holds no velocities; they are differences of places"
+        yield "the dump has no velocities; they are differences of places"
     if network.shear and (turning := _turning_held(crystal, network)):
-        yield f"sphere {turning} turns in the deck, which does not move it; the witness does not turn it"
+        yield f"sphere {turning}, which is held, turns in the deck and not in the witness"
 
 
 def _turning_held(crystal: Unnamed, network: Network) -> int:
-    """Return the number of a held sphere whose spin changes; 0 if there is none, or spins are not known."""
+    """Return the number of a held sphere whose spin changes; 0 if there is none, or the dump has no spins."""
     begun, ended = crystal[0].spin, crystal[len(crystal) - 1].spin
     if begun is None or ended is None or network.held is None:
         return 0
@@ -352,7 +359,7 @@ def _turning_held(crystal: Unnamed, network: Network) -> int:
 
 
 def table(crystal: Unnamed, found: Witness) -> str:
-    """Return what separates the deck from its witness, as text."""
+    """Return the difference of the deck from its witness, as text."""
     time = "s" if crystal.in_si else "units of time"
     span = ceil(found.steps)
     lines = [
@@ -360,16 +367,16 @@ def table(crystal: Unnamed, found: Witness) -> str:
         f"witness with {FINER} times as many",
         f"relative error of all velocities {found.error:.1e}; the step explains {found.step:.1e}, "
         f"the digits of the dump up to {found.digits:.1e}",
-        f"farthest apart: sphere {found.sphere} at {found.time:.6g} {time}, "
-        f"by {found.largest:.1e} of the largest speed",
+        f"largest difference: sphere {found.sphere} at {found.time:.6g} {time}, "
+        f"{found.largest:.1e} of the largest speed",
     ]
     if found.parted is None:
-        lines.append(f"they do not part by {PARTED:.0%} of the largest speed")
+        lines.append(f"no sphere differs by more than {PARTED:.0%} of the largest speed")
     else:
         when, sphere = found.parted
-        lines.append(f"they part by {PARTED:.0%} of the largest speed at {when:.6g} {time}, first at sphere {sphere}")
+        lines.append(f"first above {PARTED:.0%} of the largest speed: sphere {sphere} at {when:.6g} {time}")
     if found.cause:
         lines.append(f"{found.cause} explains this" if found.cause == "the step" else f"{found.cause} explain this")
     if not found.explained:
-        lines.append("neither step nor digits explain this: the deck does something that law and dump do not say")
+        lines.append("neither step nor digits explain this: the deck has physics that law and dump do not contain")
     return "\n".join([*lines, *(f"note: {each}" for each in found.reasons)])

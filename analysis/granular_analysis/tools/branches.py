@@ -1,12 +1,13 @@
-"""Frequencies over wave numbers of an unnamed crystal, from a run of anybody's deck that was adopted.
+"""Frequencies over wave numbers of an unnamed crystal, from an adopted run of any deck.
 
-    granular-analysis branches RUN [--direction WAY] [-o FILE]
+    granular-analysis branches RUN [--direction WAY] [--harmonics HZ] [-o FILE]
 
-RUN is what ``granular-lmp adopt DUMP`` made. The lattice is found from the places of the spheres alone; where there is
-none, wave numbers are along a line. The table holds the peaks of the spectral density of the velocities, with the share
-of the power that moves along the wave: 1 of a longitudinal wave, 0 of a transverse one. ``--harmonics`` fits a
-frequency, twice and three times it to the displacements. In a box that is periodic along
-the way wave numbers are those that fit; elsewhere a Hann window over the spheres tells apart wave numbers 4π/L apart.
+RUN is a folder made by ``granular-lmp adopt DUMP``. The lattice is found from the places of the spheres alone; without
+one, wave numbers are along a line. The table holds the peaks of the spectral density of the velocities, with the share
+of the power that moves along the wave: 1 for a longitudinal wave, 0 for a transverse one. ``--harmonics`` fits a
+frequency, its double and its triple to the displacements. If the box is periodic along the direction, wave numbers are
+those that fit the box; otherwise a Hann window over the spheres resolves wave numbers 4π/L apart, with L the length of
+the crystal.
 """
 
 from collections.abc import Sequence
@@ -26,34 +27,34 @@ from granular_lmp.runs.unnamed import Unnamed
 
 Floats = NDArray[np.float64]
 FIELDS = ("wavenumber", "frequency", "along", "power")
-FEWEST = 8  # snapshots: below, the window leaves next to nothing
-MOST = 200  # wave numbers
-_DIGITS = 6  # of radii and masses, of the largest, by which spheres are of one kind
+FEWEST = 8  # least snapshots; with fewer the window leaves hardly any
+MOST = 200  # largest number of wave numbers
+_DIGITS = 6  # decimals of radius and mass, over the largest, that decide whether spheres are of one kind
 _SHOWN = 20  # lines of the table
-_SILENT = 1e-6  # of the largest power of all wave numbers: less is rounding
-_WHOLE = 1e-6  # a number of periods that is whole to this fits into the box
+_SILENT = 1e-6  # share of the largest power of all wave numbers below which power is rounding
+_WHOLE = 1e-6  # a wave fits the box if its number of periods is whole to this
 
 
 @dataclass(frozen=True)
 class Branches:
-    """Waves of a crystal along one direction, in SI units (of units lj in these).
+    """Waves of a crystal along one direction, in SI units; for a dump in units lj, in lj.
 
     Attributes
     ----------
     lattice : FoundLattice
-        Its vectors (d, 3), none where no lattice was found.
+        Lattice; without vectors if none was found.
     way : (3,) array
         Unit vector of the wave vectors.
     wavenumbers, frequencies : (K,) and (F,) arrays
-        rad/m and rad/s.
+        Wave numbers (rad/m) and angular frequencies (rad/s).
     power : (K, F) array
-        Spectral density, of the largest.
+        Spectral density, over its largest value.
     rows : (P, 4) array
-        Peaks: wave number (rad/m), frequency (Hz), share of the power along the wave, and power, of the largest.
+        Peaks: wave number (rad/m), frequency (Hz), share of the power along the wave, and power over the largest.
     resolution : float
-        Two frequencies that differ by more than this, Hz, are told apart.
+        Frequencies that differ by more than this, Hz, are resolved.
     fits : bool
-        Whether the wave numbers fit into a periodic box; if not, a window over the spheres blurs them.
+        True if the wave numbers fit a periodic box; otherwise a window over the spheres broadens them.
     """
 
     lattice: FoundLattice
@@ -73,17 +74,19 @@ def branches(crystal: Unnamed, way: Sequence[float] | Floats | None = None) -> B
     ----------
     crystal : Unnamed
     way : (3,) array, optional
+        Direction of the wave vectors, of any length.
 
     Raises
     ------
     ValueError
-        If there are fewer than 8 snapshots, uneven times, or spheres that all lie in a plane across the way.
+        If there are fewer than 8 snapshots, if their times are not equally spaced, or if all spheres lie in a plane
+        across the direction.
     """
     steps = np.diff(crystal.time)
     if len(crystal) < FEWEST:
-        raise ValueError(f"{len(crystal)} snapshots; a spectrum takes at least {FEWEST}")
+        raise ValueError(f"{len(crystal)} snapshots; a spectrum needs at least {FEWEST}")
     if not np.allclose(steps, steps[0], rtol=1e-6, atol=0.0):
-        raise ValueError(f"snapshots are {steps.min():.6g} to {steps.max():.6g} apart; they must be at even times")
+        raise ValueError(f"snapshots are {steps.min():.6g} to {steps.max():.6g} apart; must be equally spaced in time")
     _, cell, periodic = crystal.cell
     places = crystal.rest
     kinds = _kinds(crystal)
@@ -94,7 +97,7 @@ def branches(crystal: Unnamed, way: Sequence[float] | Floats | None = None) -> B
     phases = np.exp(-1j * np.outer(numbers, places @ ahead)) * weights
     sites = [phases * (lattice.site == each) for each in np.unique(lattice.site)]
     frames = _frame(ahead)
-    # Sites of a cell move against one another in optical branches: each is transformed by itself
+    # Sites of a cell move against one another in optical branches, so each site is transformed separately
     parts = [
         density(crystal.time, projected((crystal[k].velocity @ frames.T for k in range(len(crystal))), each))
         for each in sites
@@ -116,7 +119,7 @@ def branches(crystal: Unnamed, way: Sequence[float] | Floats | None = None) -> B
 
 
 def _kinds(crystal: Unnamed) -> NDArray[np.intp]:
-    """Return the kind of each sphere, counted from 0: its type, radius and, where it is known, its mass."""
+    """Return the kind of each sphere, from 0: spheres of one kind share type, radius and, if known, mass."""
     traits = [crystal.types, np.round(crystal.radius / crystal.radius.max(), _DIGITS)]
     if crystal.has_mass:
         traits.append(np.round(crystal.mass / crystal.mass.max(), _DIGITS))
@@ -125,7 +128,7 @@ def _kinds(crystal: Unnamed) -> NDArray[np.intp]:
 
 
 def _frame(ahead: Floats) -> Floats:
-    """Return three orthogonal unit vectors, the first of them ahead."""
+    """Return three orthogonal unit vectors as rows, `ahead` first."""
     axis = np.eye(3)[np.argmin(np.abs(ahead))]
     across = np.cross(axis, ahead)
     across /= np.linalg.norm(across)
@@ -137,12 +140,12 @@ def _frame(ahead: Floats) -> Floats:
 def _wavenumbers(
     places: Floats, lattice: FoundLattice, ahead: Floats, cell: Floats, periodic: NDArray[np.bool_]
 ) -> tuple[Floats, Floats, bool]:
-    """Return wave numbers up to the edge of the zone, a weight for each sphere, and whether they fit into the box."""
+    """Return wave numbers up to the edge of the zone, a weight for each sphere, and whether the waves fit the box."""
     along = places @ ahead
     edge = lattice.zone_edge(ahead)
     if not np.ptp(along):
-        raise ValueError("all spheres lie in one plane across the direction; choose one along which places differ")
-    if not np.isfinite(edge):  # no lattice along the way: half a wave between two spheres
+        raise ValueError("all spheres lie in one plane across the direction; choose another direction")
+    if not np.isfinite(edge):  # no lattice along the direction: half a wavelength between two spheres
         edge = pi * (len(along) - 1) / float(np.ptp(along))
     sides = np.abs(cell @ ahead)[periodic]
     if sides.any():
@@ -156,13 +159,13 @@ def _wavenumbers(
 
 
 def _up_to(edge: float, smallest: float) -> Floats:
-    """Return the multiples of the smallest wave number up to the edge, every n-th of them where they are many."""
+    """Return the multiples of the smallest wave number up to the edge; if there are more than 200, every n-th."""
     count = max(int(edge / smallest * (1 + _WHOLE)), 1)
     return np.asarray(smallest * np.arange(1, count + 1)[:: -(-count // MOST)], dtype=np.float64)
 
 
 def table(found: Branches, in_si: bool) -> str:
-    """Return what was found, as text: the lattice, what is resolved, and the strongest waves."""
+    """Return the lattice, the resolution and the strongest waves as text."""
     units = ("rad/m", "Hz", "m") if in_si else ("rad", "1/time", "length")
     vectors = ["(" + ", ".join(f"{x + 0.0:.6g}" for x in each) + ")" for each in found.lattice.vectors]
     sites = len(np.unique(found.lattice.site))
@@ -178,7 +181,7 @@ def table(found: Branches, in_si: bool) -> str:
 
 
 def draw(found: Branches, title: str, in_si: bool) -> Figure:
-    """Return the figure of the spectral density, each wave number in units of its largest."""
+    """Return the figure of the spectral density, over the largest value at each wave number."""
     figure = page(4.4)
     axes = figure.subplots()
     shown = found.power / found.power.max(axis=1, keepdims=True).clip(_SILENT)
@@ -190,13 +193,13 @@ def draw(found: Branches, title: str, in_si: bool) -> Figure:
     top = float(found.rows[:, 1].max(initial=found.resolution))
     axes.set(xlabel=f"wave number ({'rad/m' if in_si else 'lj'})", ylabel=f"frequency ({'Hz' if in_si else 'lj'})")
     axes.set(ylim=(0, 1.15 * top))
-    axes.set_title(f"{title}: red moves along the wave, blue across it")
-    figure.colorbar(mesh, label="spectral density, of the largest at each wave number")
+    axes.set_title(f"{title}: dots red if motion is along the wave, blue if across")
+    figure.colorbar(mesh, label="spectral density / its maximum at each wave number")
     return figure
 
 
 def _way(text: str) -> Floats:
-    """Return the unit vector of "x", "y", "z" or degrees."""
+    """Return the unit vector along "x", "y" or "z", or at an angle in degrees from x towards y."""
     if text in ("x", "y", "z"):
         return np.eye(3)["xyz".index(text)]
     degrees = radians(float(text))
@@ -206,12 +209,12 @@ def _way(text: str) -> Floats:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table, and write figure and CSV."""
     command = parser(__doc__, "branches.png")
-    command.add_argument("run", metavar="RUN", help="the folder of adopted dumps")
+    command.add_argument("run", metavar="RUN", help="folder of adopted dumps")
     command.add_argument(
         "--direction", metavar="WAY", help="x, y, z, or degrees from x towards y (default: the longest side)"
     )
     command.add_argument(
-        "--harmonics", type=float, metavar="HZ", help="of a wave of this frequency: its harmonics in the displacements"
+        "--harmonics", type=float, metavar="HZ", help="print harmonics of a wave of this frequency in the displacements"
     )
     options = command.parse_args(arguments)
     with in_one_line(options.run):
@@ -221,6 +224,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(table(found, crystal.in_si))
     for name, each in harmonics.items():
         said = ", ".join(f"{number} {value:.4e} ({error:.0e})" for number, (value, error) in each.items())
-        print(f"{name:6} rms of all spheres and its error: {said}")
+        print(f"{name:6} rms over all spheres (error): {said}")
     save(draw(found, crystal.name, crystal.in_si), options.output)
     write_csv(Path(options.output).with_suffix(".csv"), FIELDS, found.rows.tolist())

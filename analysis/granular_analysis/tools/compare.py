@@ -92,8 +92,8 @@ class Comparison:
         Amplitude |ε P̃1|/2 of the generated second harmonic, in D0, by the closed form; None if it leaves out a part of
         the run, or for waves that do not run along y.
     measured, fit_error : float or None
-        The same from the run by least squares, and its error due to the time step and the fit, but not due to what
-        theory leaves out; None if a note gives a reason.
+        Measured amplitude of the run by least squares, and its error from the time step and the fit, without that from
+        features that theory leaves out; None if a note gives a reason.
     notes : list of str
         Warnings that the comparison may mislead.
     budget : list of Source
@@ -198,7 +198,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
 
 def _second_harmonic(record: Record, wave: Wave | None) -> tuple[float | None, float | None, list[str]]:
     """Return amplitude and error of the second harmonic in a run, and a note if it is not measured."""
-    if wave is None or not holding(wave):  # another note is about the latter
+    if wave is None or not holding(wave):  # `notes` says that no theory holds the wave
         return None, None, []
     try:
         return *measured_amplitude(record, wave), []
@@ -279,9 +279,9 @@ def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
     asked = len(comparisons) + swept.shared + swept.missing
     if swept.shared:
         runs = asked - swept.shared
-        lines.append(f"{asked} points of the sweep are {runs} run{'s' * (runs > 1)}: the others run with equal values")
+        lines.append(f"{asked} points of the sweep share {runs} run{'s' * (runs > 1)}, because values are equal")
     if swept.missing:
-        lines.append(f"{swept.missing} of {asked} points are not finished and left out")
+        lines.append(f"{swept.missing} of {asked} points are not finished, and left out")
     return "\n".join(lines)
 
 
@@ -316,7 +316,7 @@ def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison
     found = differences(records)
     if not found:
         return []
-    lines = ["", "what differs between the scenes:"]
+    lines = ["", "differences between the scenes:"]
     for number, comparison in enumerate(comparisons):
         own = (f"{key} = {row[number]!r}" for key, row in found.items() if row[number] is not None)
         lines.append(f"  {comparison.run}: " + ", ".join(own))
@@ -399,7 +399,7 @@ def _of_unnamed(options: argparse.Namespace) -> int:
     from granular_analysis.measure.witness import witness
 
     if options.theory:
-        raise SystemExit(f"--theory {options.theory}: is only for the run of a scene; an unnamed crystal has a witness")
+        raise SystemExit(f"--theory {options.theory}: is for runs of scenes; an unnamed crystal has a witness instead")
     found = []
     for folder in options.runs:
         with in_one_line(folder):

@@ -1,22 +1,21 @@
-"""Inverse questions: two waves of given frequencies that resonate, and the numbers of a crystal at which it does best.
+"""Find pairs of waves that resonate, or the numbers of a scene that optimise a resonance, a gap or a whole run.
 
     granular-analysis design HERTZ [--second HERTZ] [--direction DEG ...] [--opening DEG ...] [spheres]
     granular-analysis design SCENE --vary KEY LOW HIGH [--vary ...] [--best growth|frequency|gap|passing] [--least]
 
-Of a frequency, the table has the pairs of waves that are phase-matched, and the compression that each needs
+For a frequency, the table lists the phase-matched pairs of waves, and the compression that each pair needs
 (`granular_analysis.theory.partners`).
 
-Of a scene, a file or the name of a shipped one, the numbers behind one or more keys are found at which its crystal has
+For a scene, a file or the name of a shipped one, the command finds the values of one or more keys that maximise
 
-* growth: the fastest growth of a second harmonic, at its resonance along the direction of the scene;
-* frequency: a resonance for a wave of ``--at`` hertz;
-* gap: the widest gap above the branch ``--branch``, over its middle;
-* passing: the largest share of the wave of the scene that passes its rows of other densities.
+* growth: the growth rate of a second harmonic at its resonance along the direction of the scene;
+* gap: the width of the gap above the branch ``--branch``, relative to its middle;
+* passing: the share of the scene's wave that passes its rows of other densities;
 
-With ``--least`` growth, gap or share are to be as small as possible. Keys are densities (``sphere.density``,
-``inclusion.1.density``) and, but for passing, `granular_analysis.theory.scenes.VARIED`. Derivatives are exact
-(`granular_analysis.theory.variation`), and stand beside the result. With ``-o FILE`` the scene is written with these
-numbers, and the wave number next to the resonance that its rows hold.
+or, for frequency, that place a resonance at ``--at`` hertz. ``--least`` minimises growth, gap or passing. Keys are
+densities (``sphere.density``, ``inclusion.1.density``) and, except for passing, those in
+`granular_analysis.theory.scenes.VARIED`. The result has exact derivatives (`granular_analysis.theory.variation`). ``-o
+FILE`` writes the scene with the values found, and with the wave number nearest to the resonance that fits its rows.
 """
 
 import argparse
@@ -58,12 +57,12 @@ from granular_lmp.runs.record import STATUS, Scene
 
 Floats = NDArray[np.float64]
 
-UNITS = {  # by the number that describes a sphere
+UNITS = {  # units of the properties of a sphere
     "radius": "m", "youngs_modulus": "Pa", "poisson_ratio": "NU", "work_of_adhesion": "J/m2", "density": "kg/m3"
 }  # fmt: skip
 OBJECTIVES = "second-harmonic, largest:MONITOR, motion:MONITOR or motion:MONITOR/OTHER"
 GOALS = ("growth", "frequency", "gap", "passing")
-# Keys of crystals that are not of one layer of equal contacts in the plane, which rows for scattering do not hold
+# Keys that are refused for passing, whose rows must be one layer with equal contacts, in the plane
 BEYOND_ROWS = {key for key in CRYSTAL_KEYS if key.startswith(("contact.", "substrate."))} | {
     f"packing.{name}" for name in ("space", "layers", "depth", "orientation")
 }
@@ -71,16 +70,19 @@ BEYOND_ROWS = {key for key in CRYSTAL_KEYS if key.startswith(("contact.", "subst
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """A question about a scene: which of its numbers are varied, and what is to be largest.
+    """A question about a scene: which keys vary, and the quantity to optimise.
 
     Attributes
     ----------
-    keys, bounds : those that are varied, (P), each between two numbers.
+    scene : scene with all other values.
+    keys, bounds : the P varied keys, and the lower and upper bound of each.
     goal : one of `GOALS`.
-    at : frequency in hertz that a resonance is to have.
-    branch : below the gap, from 1.
-    points : values of each key on the grid.
-    least : whether the goal is to be smallest.
+    at : frequency that a resonance must have, Hz.
+    branch : branch below the gap, from 1.
+    points : number of values of each key on the grid from which the search starts.
+    least : True to minimise the goal.
+
+    Raises ValueError for unknown keys or wrong bounds, and for options that the goal does not allow.
     """
 
     scene: Scene
@@ -100,26 +102,26 @@ class Question:
             if not -np.inf < low < high < np.inf:
                 raise ValueError(f"--vary {key} {low:g} {high:g}: must be two finite numbers, the lower one first")
             for end in () if key == "wave.direction" else (low, high):
-                self.scene.with_values({key: end})  # the scene knows which numbers are allowed
+                self.scene.with_values({key: end})  # refuses values that the scene does not allow
         if self.goal == "frequency" and self.least:
-            raise ValueError("--least: must be left out for --best frequency, which is a value to reach")
+            raise ValueError("--least: cannot be combined with --best frequency, which is a value to reach")
         if self.goal == "frequency" and not 0 < self.at < np.inf:
             raise ValueError(f"--at {self.at:g}: must be the frequency of the wave, above 0 Hz")
         if self.goal == "gap" and not 0 < self.branch < (count := len(self.place(self._low).crystal.mass) * 3):
-            raise ValueError(f"--branch {self.branch}: must be from 1 to {count - 1}, of those of the crystal")
+            raise ValueError(f"--branch {self.branch}: must be from 1 to {count - 1}; the crystal has {count} branches")
 
     @property
     def _low(self) -> Floats:
         return np.array([low for low, _ in self.bounds])
 
     def place(self, values: NDArray[Any]) -> Spot:
-        """Return the spot of values (P,), which may be complex."""
+        """Return the crystal with its units of wave number and amplitude, for values (P,) that may be complex."""
         return Setting(self.scene, dict(zip(self.keys, values, strict=True))).spot()
 
     def answer(self) -> "Answer":
         """Return the best values.
 
-        Raises ValueError where the goal has no value between the bounds.
+        Raises ValueError if the goal has no value anywhere between the bounds.
         """
         if self.goal == "gap":
             return self._best(Gap(self.place, self.branch - 1))
@@ -143,17 +145,17 @@ class Question:
         return Answer(self, found, objective(found.values), flat, there)
 
     def passing(self) -> Passing:
-        """Return the share of the scene's wave that passes its rows of other densities.
+        """Return the objective "passing": the share of the scene's wave that passes its rows of other densities.
 
-        Raises ValueError for a key that is no density, and a wave or crystal that `heavy_rows` leaves out: radii and
-        stiffnesses of rows, measured stiffnesses, the third dimension, and spheres that do not turn.
+        Raises ValueError for a key that is not a density, and for a wave or crystal that `heavy_rows` leaves out: rows
+        with other radii or stiffnesses, measured stiffnesses, the third dimension, and spheres that do not turn.
         """
         scene, setting = self.scene, Setting(self.scene)
         setting.refuse(CRYSTAL_KEYS - MOTION - BEYOND_ROWS)
         if scene.packing.lattice != "hexagonal" or scene.direction != 90 or not scene.inclusion:
-            raise ValueError("passing is of a wave along y at [[inclusion]] of rows in a hexagonal crystal")
+            raise ValueError("passing needs a wave along y and [[inclusion]] of rows in a hexagonal crystal")
         if other := [key for key in self.keys if not key.endswith(".density")]:
-            raise ValueError(f"passing has no derivative by {', '.join(other)}; vary densities")
+            raise ValueError(f"passing cannot vary {', '.join(other)}; vary densities")
         owners = np.zeros(scene.shape.rows, dtype=int)
         for number, each in enumerate(scene.inclusion, 1):
             differs = sorted(name for name, value in vars(each).items() if value != getattr(type(each)(), name))
@@ -170,12 +172,12 @@ class Question:
         def rows(values: Floats) -> tuple[Rows, Floats]:
             now = given | dict(zip(self.keys, values, strict=True))
             masses = np.array([now[name] for name in names])[owners] / now["sphere.density"]
-            # Masses are over that of the host
+            # Masses are relative to the mass of the host's spheres
             own = [owners == names.index(key) if names.index(key) else -(owners > 0).astype(float) for key in self.keys]
             changes = [np.pad(mine / value, 2) for mine, value in zip(own, values, strict=True)]
             return heavy_rows(contact, masses.tolist()), np.array(changes)
 
-        rows(np.array(self.bounds)[:, 0])  # Tells what is not held, which looking for the best values does not
+        rows(np.array(self.bounds)[:, 0])  # raises for rows that are left out, which the search would skip silently
         return Passing(rows, float(setting.mode().frequency) * scene.sphere.time_scale, scene.require_wave().mode)
 
 
@@ -185,9 +187,11 @@ class Answer:
 
     Attributes
     ----------
-    goal : there, with its derivatives.
-    flat : (P,) whether the goal does not depend on a key at all.
-    resonance : if the goal is of one.
+    question : the question.
+    found : the best values, and the best point of the grid.
+    goal : value of the goal at the best values, with its derivatives.
+    flat : (P,) True for a key on which the goal does not depend at all.
+    resonance : resonance at the best values; None for "gap" and "passing".
     """
 
     question: Question
@@ -198,13 +202,13 @@ class Answer:
 
     @property
     def scene(self) -> Scene:
-        """Return the scene with the best values, and the wave number next to the resonance that its rows hold."""
+        """Return the scene with the best values and, for a resonance, its wave number."""
         values = dict(zip(self.question.keys, map(float, self.found.values), strict=True))
         tuned = {"wave.wavenumber": self.resonance.wavenumber.value} if self.resonance else {}
         return self.question.scene.with_values(values | tuned)
 
     def text(self) -> str:
-        """Return the answer, a line for each key and one for the goal."""
+        """Return the answer as text, a line for each key and one for the goal."""
         asked = self.question
         lines = [f"{'key':26}{'best':>12}{'from':>12}{'to':>12}  d {asked.goal} / d ln"]
         for key, value, (low, high), slope, flat in zip(
@@ -225,22 +229,28 @@ class Answer:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status, 1 if nothing resonates."""
+    """Run the command and return its exit status, 1 if nothing resonates."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     searched = any(word.partition("=")[0] == "--maximize" for word in words)
     command = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    command.add_argument("what", metavar="HERTZ_OR_SCENE", help="of the first wave; or a file or shipped scene")
+    command.add_argument(
+        "what", metavar="HERTZ_OR_SCENE", help="frequency of the first wave; or a scene, a file or a shipped one"
+    )
     pairs = command.add_argument_group("two waves")
-    pairs.add_argument("--second", type=float, metavar="HERTZ", help="of the second wave (default: the first's)")
+    pairs.add_argument(
+        "--second", type=float, metavar="HERTZ", help="frequency of the second wave (default: same as the first)"
+    )
     pairs.add_argument(
         "--direction", type=float, nargs="+", default=[90.0, 0.0], metavar="DEG",
-        help="of the first wave, from a close-packed row (default: 90 0)",
+        help="directions of the first wave, from a close-packed row (default: 90 0)",
     )  # fmt: skip
     pairs.add_argument(
         "--opening", type=float, nargs="+", default=[0.0, 60.0, 90.0, 120.0, 180.0], metavar="DEG",
-        help="from the first wave to the second (default: 0 60 90 120 180)",
+        help="angles from the first wave to the second (default: 0 60 90 120 180)",
     )  # fmt: skip
-    pairs.add_argument("--amplitude", type=float, default=0.1, metavar="A", help="of both, D0/Delta0 (default: 0.1)")
+    pairs.add_argument(
+        "--amplitude", type=float, default=0.1, metavar="A", help="amplitude of both waves, D0/Delta0 (default: 0.1)"
+    )
     for name, unit_of in UNITS.items():
         default = getattr(SILICA, name)
         pairs.add_argument(
@@ -252,14 +262,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         nargs=1 if searched else 3,
         action="append",
         metavar="KEY" if searched else ("KEY", "LOW", "HIGH"),
-        help="a number of the scene, and its bounds; with --maximize the word density",
+        help="key of the scene to vary, with its bounds; with --maximize the word density",
     )
-    scene.add_argument("--best", choices=GOALS, default="growth", help="what is to be largest (default: growth)")
-    scene.add_argument("--least", action="store_true", help="make it smallest, in place of largest")
+    scene.add_argument(
+        "--best",
+        choices=GOALS,
+        default="growth",
+        help="quantity to maximise; frequency: to reach --at (default: growth)",
+    )
+    scene.add_argument("--least", action="store_true", help="minimise instead of maximise")
     scene.add_argument("--at", type=float, default=0.0, metavar="HERTZ", help="frequency of the wave that resonates")
-    scene.add_argument("--branch", type=int, default=1, metavar="N", help="below the gap, 1 is the lowest (default: 1)")
-    scene.add_argument("--points", type=int, default=POINTS, metavar="N", help=f"of each key (default: {POINTS})")
-    scene.add_argument("-o", "--output", metavar="FILE", help="write the scene with the best numbers")
+    scene.add_argument(
+        "--branch", type=int, default=1, metavar="N", help="branch below the gap, from 1 for the lowest (default: 1)"
+    )
+    scene.add_argument(
+        "--points", type=int, default=POINTS, metavar="N", help=f"values of each key on the grid (default: {POINTS})"
+    )
+    scene.add_argument("-o", "--output", metavar="FILE", help="write the scene with the best values")
     changes_argument(scene, "sphere.poisson_ratio=0.3")
     runs = _options_of_runs(command)
     chosen = command.parse_args(words)
@@ -283,9 +302,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _options_of_runs(command: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     """Add the options of a search in whole runs."""
     runs = command.add_argument_group("whole runs")
-    runs.add_argument("--maximize", metavar="OBJECTIVE", help=f"what is to be largest in a run: {OBJECTIVES}")
+    runs.add_argument("--maximize", metavar="OBJECTIVE", help=f"quantity of a run to maximise: {OBJECTIVES}")
     runs.add_argument(
-        "--within", nargs=2, type=float, metavar=("LOW", "HIGH"), help="bounds of the densities, in that of the scene"
+        "--within",
+        nargs=2,
+        type=float,
+        metavar=("LOW", "HIGH"),
+        help="bounds of the densities, over the density in the scene",
     )
     runs.add_argument(
         "--per", default="sphere", metavar="sphere|row|RxC",
@@ -294,31 +317,35 @@ def _options_of_runs(command: argparse.ArgumentParser) -> argparse._ArgumentGrou
     runs.add_argument("--same-mass", action="store_true", help="keep the mean density")
     runs.add_argument(
         "--robust", type=float, default=0.0, metavar="SHARE",
-        help="take the mean over crystals whose densities are off by this share",
+        help="maximise the mean over crystals whose densities have random errors of this relative standard deviation",
     )  # fmt: skip
-    runs.add_argument("--seeds", type=positive, default=1, metavar="N", help="how many such crystals")
-    runs.add_argument("--start", type=int, default=1, metavar="SEED", help="of the densities that begin (default: 1)")
+    runs.add_argument("--seeds", type=positive, default=1, metavar="N", help="number of such crystals (default: 1)")
+    runs.add_argument("--start", type=int, default=1, metavar="SEED", help="seed of the first densities (default: 1)")
     runs.add_argument(
-        "--evaluations", type=positive, default=100, metavar="N", help="runs with gradients at most (default: 100)"
+        "--evaluations",
+        type=positive,
+        default=100,
+        metavar="N",
+        help="largest number of runs with gradients (default: 100)",
     )
-    runs.add_argument("--device", choices=["jax", "gpu"], default="jax", help="all cores, or a card (default: jax)")
-    runs.add_argument("--opposite", metavar="RUN", help="of a run, the one that starts with the opposite sign")
+    runs.add_argument("--device", choices=["jax", "gpu"], default="jax", help="all cores, or a GPU (default: jax)")
+    runs.add_argument("--opposite", metavar="RUN", help="the run that starts with the opposite sign, if one is needed")
     return runs
 
 
 def _of_runs(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> int:
-    """Search in whole runs, or read the objective off runs."""
+    """Search densities in whole runs, or print the objective of runs."""
     ran = (Path(chosen.what) / STATUS).is_file()
     if ran and (chosen.vary or chosen.within or chosen.output):
-        command.error(f"{chosen.what}: is a run, of which the objective is read; give a scene to search its densities")
+        command.error(f"{chosen.what}: is a run, whose objective is printed; give a scene to search its densities")
     if not ran and chosen.opposite:
         command.error("--opposite is for a run")
     if not ran and [name for (name,) in chosen.vary or []] != ["density"]:
-        command.error("--maximize: needs --vary density, which is all that varies in whole runs")
+        command.error("--maximize: needs --vary density; nothing else can vary in whole runs")
     if not ran and not (chosen.within and chosen.output):
-        command.error("--maximize: needs --within LOW HIGH, and -o DIR for what it finds")
+        command.error("--maximize: needs --within LOW HIGH, and -o DIR for the result")
     with in_one_line():
-        NetworkEngine.on(chosen.device)  # or JAX is missing
+        NetworkEngine.on(chosen.device)  # raises if JAX is missing
     from granular_analysis.tools.design_runs import read, search  # needs JAX
 
     return read(chosen) if ran else search(chosen)
@@ -340,7 +367,7 @@ def _refuse(
 def _of_frequency(command: argparse.ArgumentParser, chosen: argparse.Namespace, frequency: float) -> int:
     """Print the resonances of two frequencies."""
     if not 0 < chosen.amplitude < 1:
-        command.error(f"amplitude is {chosen.amplitude}; allowed: above 0, below 1, where contacts open")
+        command.error(f"--amplitude {chosen.amplitude}: must be above 0 and below 1, at which contacts open")
     try:
         sphere = replace(SILICA, **{name: getattr(chosen, name) for name in UNITS})
         found = design(sphere, frequency, chosen.second, chosen.direction, chosen.opening)
@@ -351,7 +378,7 @@ def _of_frequency(command: argparse.ArgumentParser, chosen: argparse.Namespace, 
 
 
 def _of_scene(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> int:
-    """Print the best numbers of a scene, and write it with them."""
+    """Print the best values of a scene, and write the scene with them."""
     if not chosen.vary:
         command.error(f"{chosen.what}: a scene needs --vary KEY LOW HIGH; a frequency is a number")
     if not 2 <= chosen.points <= 50:

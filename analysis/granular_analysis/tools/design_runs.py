@@ -1,7 +1,8 @@
-"""Search densities in whole runs: what ``granular-analysis design`` does with ``--maximize``.
+"""Search of densities in whole runs, for ``granular-analysis design --maximize``.
 
-A folder holds the search: what was asked, all evaluations, the log of the objective, and the designed scene with its
-table of densities. The same command again continues a search that was stopped. JAX is imported here alone.
+The folder of a search holds its options, all evaluations, the log of the objective, and the designed scene with its
+table of densities. The same command continues a search that was stopped. `granular_analysis.tools.design` imports this
+module only for ``--maximize``, because it needs JAX.
 """
 
 import argparse
@@ -26,25 +27,25 @@ INTERRUPTED = 130
 
 
 class Kept:
-    """The folder of a search: what was asked, and all evaluations so far."""
+    """Folder of a search: its options, and all evaluations so far."""
 
     def __init__(self, folder: Path, asked: Mapping[str, Any]) -> None:
-        """Begin a folder, or continue that of the same search; raises TheoryError as `begun` does."""
+        """Begin a folder, or continue the folder of the same search; raise TheoryError as `begun` does."""
         self.folder, count = folder, int(asked["numbers"])
         row = np.dtype([("value", "<f8"), ("slope", "<f8", count), ("numbers", "<f8", count)])
         self.path, rows = begun(folder, ASKED, asked, row, (SCENE, TABLE, LOG))
         self.evaluations = [Evaluation(float(each["value"]), each["slope"], each["numbers"]) for each in rows]
 
     def add(self, found: Evaluation) -> None:
-        """Keep one evaluation more."""
+        """Add an evaluation to the folder."""
         with self.path.open("ab") as stream:
             np.concatenate([[found.value], found.slope, found.numbers]).astype("<f8").tofile(stream)
         self.evaluations.append(found)
 
     def write_log(self, uniform: float, count: int) -> None:
-        """Write the log: number, objective, the best so far, and that over the objective of the uniform crystal.
+        """Write the log: number, objective, best so far, and the best over the objective of the uniform crystal.
 
-        Of the evaluations the first are written, which the search asked for; an earlier command may have made more.
+        The log has the first `count` evaluations, which this search needed; an earlier command may have made more.
         """
         values = np.array([each.value for each in self.evaluations[:count]])
         best = np.fmax.accumulate(values)
@@ -53,7 +54,7 @@ class Kept:
 
 
 def read(chosen: argparse.Namespace) -> int:
-    """Print an objective of a run, and of one that starts with the opposite sign."""
+    """Print an objective of a run, or of two runs that start with opposite signs."""
     folders = [chosen.what, *([chosen.opposite] if chosen.opposite else [])]
     with in_one_line(chosen.what):
         print(f"{chosen.maximize}: {read_off([load(each) for each in folders], chosen.maximize):.6g}")
@@ -61,13 +62,13 @@ def read(chosen: argparse.Namespace) -> int:
 
 
 def search(chosen: argparse.Namespace) -> int:
-    """Search the densities of a scene, print how good they are, and write the folder."""
+    """Search the densities of a scene, print the result, and write the folder."""
     folder = Path(chosen.output)
     with in_one_line(chosen.what):
         scene = scene_of(chosen.what, chosen)
         subject = Subject.of(scene)
         if not scene.perfect:
-            raise TheoryError("packing, disorder, inclusion: a search begins with a crystal of equal spheres")
+            raise TheoryError("packing, disorder, inclusion: a search must start from a crystal of equal spheres")
         goal, spheres = goal_of(subject, chosen.maximize)
         low, high = chosen.within
         groups = subject.groups(chosen.per)
@@ -98,13 +99,13 @@ def search(chosen: argparse.Namespace) -> int:
 
 
 def said(chosen: argparse.Namespace, best: Best, design: Design, uniform: float) -> str:
-    """Return what was found, in words."""
+    """Return the report of a search."""
     mass = float(design.sizes @ best.densities / design.sizes.sum())
     lines = [
-        f"{chosen.maximize}: {best.value:.5g}, {best.value / uniform:.4g} times {uniform:.4g} of the uniform crystal",
+        f"{chosen.maximize}: {best.value:.5g}, {best.value / uniform:.4g} times the uniform crystal's {uniform:.4g}",
         f"{len(best.densities)} densities, {best.densities.min():.3g} to {best.densities.max():.3g}, mean {mass:.4g}",
         f"{best.evaluations} evaluations: {best.ended}",
     ]
     if best.refused:
-        lines.append(f"{best.refused} of them were stepped back from, the last as {best.why}")
-    return "\n".join([*lines, f"granular-lmp run {chosen.output} runs what was designed"])
+        lines.append(f"{best.refused} of them were refused, and the search stepped back; the last: {best.why}")
+    return "\n".join([*lines, f"granular-lmp run {chosen.output} runs the designed crystal"])

@@ -56,7 +56,7 @@ class Fitted:
 
 
 def table(fitted: Fitted) -> str:
-    """Return the keys with their intervals, the quality of the fit, what it cannot determine, and the points."""
+    """Return the keys with their intervals, the quality of the fit, keys that it cannot determine, and the points."""
     fit, found = fitted.fit, fitted.found
     lines = [f"{'key':30}{'fitted':>13}{'95 % from':>13}{'to':>13}{'start':>13}"]
     for each, value, (low, high) in zip(found.parameters, found.values, found.intervals, strict=True):
@@ -191,7 +191,7 @@ def _unit(kind: str, value: float) -> tuple[str, float]:
 
 
 def figure(fitted: Fitted) -> "Figure":
-    """Return the figure of the points with fitted branches, or beside their predictions, and of the residuals."""
+    """Return the figure of the points with fitted branches, traces or predictions, and of the residuals."""
     fit, found = fitted.fit, fitted.found
     drawing = page(3.4)
     left, right = drawing.subplots(1, 2)

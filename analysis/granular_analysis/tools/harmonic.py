@@ -40,9 +40,11 @@ WAYS = ("along", "across")
 
 
 def harmonic(targets: Sequence[str], by: str | None = None, changes: Mapping[str, Any] | None = None) -> Harmonic:
-    """Return the second harmonic of a scene, a run, a sweep over phases, or the runs of one.
+    """Return the second harmonic of a scene, a run, a sweep over phases, or the runs of such a sweep.
 
-    changes : values of the scene by dotted keys, as in `Scene.with_values`; a run has its own.
+    targets : a scene or a run; or the folder of a sweep, or its runs.
+    by : "theory", "cell" or "network"; None for the first that applies.
+    changes : values of the scene by dotted keys, as in `Scene.with_values`; not allowed for runs.
 
     Raises ValueError or GranularError if no method applies, SystemExit for a run that cannot be read.
     """
@@ -87,7 +89,7 @@ def _first(scene: Scene, by: str | None, record: Callable[[], Record], tau: Floa
 
 
 def columns(found: Harmonic) -> dict[str, np.ndarray]:
-    """Return by name: τ, and real part, imaginary part and error of C along k and across."""
+    """Return the columns of the CSV: τ, and real part, imaginary part and error of C along k and across."""
     result = {"tau": found.tau}
     for number, way in enumerate(WAYS):
         values = found.amplitudes[:, number]
@@ -142,9 +144,9 @@ def seeds_table(found: Seeds) -> str:
     return (
         f"{said['name']}: s = {said['s']:.3g}; second harmonic along the wave, rms to tau = {said['tau']:g}, in D0\n"
         f"mean of {said['seeds']} crystals{said['mean']['strength']:12.4g} +- {said['mean']['error']:.1e}\n"
-        f"with what is scattered{said['one_crystal']:9.4g}\n"
+        f"with scattered part{said['one_crystal']:12.4g}\n"
         f"equal spheres{said['equal_spheres']:18.4g}\n"
-        f"left of it{said['left']['share']:21.3f} +- {said['left']['error']:.3f}"
+        f"mean / equal{said['left']['share']:19.3f} +- {said['left']['error']:.3f}"
     )
 
 
@@ -155,7 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     changes_argument(parser, "wave.amplitude=0.05")
     parser.add_argument("--by", choices=("theory", "cell", "network"), help="method (default: the first that applies)")
     parser.add_argument(
-        "--seeds", metavar="N", type=int, help="run a disordered scene with N seeds, for the mean over them"
+        "--seeds", metavar="N", type=int, help="run a disordered scene with N seeds and print the mean over them"
     )
     parser.add_argument(
         "-o", "--output", metavar="FOLDER", help="for --seeds: folder of the runs (default: seeds/NAME)"

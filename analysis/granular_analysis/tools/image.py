@@ -1,11 +1,12 @@
-"""Image a crystal by what was recorded of a few of its spheres: which contacts or spheres differ from its scene.
+"""Image contacts or spheres of a crystal that differ from its scene, from the recorded motion of a few spheres.
 
     granular-analysis image RECORDS SCENE [RECORDS SCENE ...] --of QUANTITY [--noise SHARE] [-o DIR]
 
 RECORDS are a run folder with monitors, or a table of traces (`granular_analysis.measure.traces`). SCENE is the crystal
-as it is thought to be, with the sources that made the record; each record has its own, and all have one crystal. DIR
-holds map.csv, the factor of each contact or sphere with its error by noise and the width of a point's image; image.png;
-and log.csv, a line for each weight. The same command again continues one that was stopped.
+as it is assumed to be, with the sources that made the record. Each record has a scene of its own, and all scenes have
+the same crystal. DIR holds map.csv, with the factor of each contact or sphere, its error from noise and the width of
+the image of a single changed value; image.png; and log.csv, with a line for each weight. The same command continues a
+search that was stopped.
 """
 
 import argparse
@@ -39,33 +40,33 @@ Floats = NDArray[np.float64]
 MAP, LOG, PICTURE, ASKED = "map.csv", "log.csv", "image.png", "image.json"
 QUANTITIES = ("contact.normal_stiffness", "contact.shear_stiffness", "adhesion", "density")
 MICRO = 1e6
-LEAST = 0.05  # difference from 1 that the colours show at least
-_SEEN = 0.1  # share of a point that its image must hold at its place
+LEAST = 0.05  # least range of the colours, as a difference from 1
+_SEEN = 0.1  # a value is resolved if the image of a change of it alone has this share in its own place
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command and return its exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
         "shots",
         nargs="+",
         metavar="RECORDS SCENE",
-        help="run folder or table of traces, and the scene of the crystal as it is thought to be; more of both in turn",
+        help="run folder or table of traces, and scene of the crystal as it is assumed to be; one or more pairs",
     )
     changes_argument(parser, "time.duration=60.0")
-    parser.add_argument("--of", required=True, choices=QUANTITIES, help="what is imaged")
+    parser.add_argument("--of", required=True, choices=QUANTITIES, help="quantity to image")
     parser.add_argument(
         "--noise",
         type=float,
         metavar="SHARE",
         help="standard deviation of the errors over the root mean square of the record; chooses the weight of the "
-        "penalty (default: unknown, the corner of the L-curve does)",
+        "penalty (default: unknown; the corner of the L-curve chooses it)",
     )
     parser.add_argument(
         "--penalty",
         choices=["tikhonov", "tv"],
         default="tikhonov",
-        help="small differences everywhere, or few edges: the total variation (default: tikhonov)",
+        help="tikhonov: small differences everywhere; tv: few edges, by total variation (default: tikhonov)",
     )
     parser.add_argument(
         "--within",
@@ -75,18 +76,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar=("LOW", "HIGH"),
         help="bounds of the factors (default: 0.1 5)",
     )
-    parser.add_argument("--device", choices=["jax", "gpu"], default="jax", help="all cores of this machine, or a card")
+    parser.add_argument("--device", choices=["jax", "gpu"], default="jax", help="all cores of this machine, or a GPU")
     parser.add_argument("-o", "--output", default="image", metavar="DIR", help="folder (default: image)")
     options = parser.parse_args(argv)
     if len(options.shots) % 2:
-        parser.error("give RECORDS and SCENE in turn")
+        parser.error("give pairs of RECORDS and SCENE")
     if find_spec("jax") is None:
         raise SystemExit("image: needs JAX: pip install 'granular-lmp[jax]'")
     folder = Path(options.output)
     with in_one_line():
         NetworkEngine.on(options.device)
         sought = _sought(options)
-        print(f"{len(sought.owners)} values of {options.of}, {sought.points} numbers of {len(sought.shots)} records")
+        print(f"{len(sought.owners)} values of {options.of}, {sought.points} points in {len(sought.shots)} records")
         with locked(folder, make=True, force=True):
             found = _searched(sought, options, folder)
             _write(sought, found, folder)
@@ -94,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _write(sought: "Sought", found: Image, folder: Path) -> None:
-    """Print what the image shows, and write map and picture."""
+    """Print the report, and write map and picture."""
     resolved, errors = found.resolution()
     width = widths(resolved, len(sought.owners) / len(sought.first.network.position), sought.first.network.dimension)
     print(said(sought, found, resolved, errors, width))
@@ -116,7 +117,7 @@ def _sought(options: argparse.Namespace) -> "Sought":
 
 
 def _searched(sought: "Sought", options: argparse.Namespace, folder: Path) -> Image:
-    """Return the image, and keep each weight and its line of the log as soon as they are known."""
+    """Return the image; write each trial and its line of the log as soon as it is known."""
     count = len(sought.owners)
     row = np.dtype([("weight", "<f8"), ("values", "<f8", count), ("rest", "<f8", 3)])
     asked = {name: getattr(options, name) for name in ("of", "noise", "penalty", "within")}
@@ -148,7 +149,7 @@ def _searched(sought: "Sought", options: argparse.Namespace, folder: Path) -> Im
 
 
 def digest_of(shots: "Sequence[Shot]") -> str:
-    """Return the digest of scenes and their records: of all numbers, and of the spheres and times that they are of."""
+    """Return the SHA-256 digest of scenes and records: measured values and errors, their spheres and time steps."""
     digest = hashlib.sha256()
     for shot in shots:
         run = shot.run
@@ -159,19 +160,20 @@ def digest_of(shots: "Sequence[Shot]") -> str:
 
 
 def said(sought: "Sought", found: Image, resolved: Floats, errors: Floats, width: Floats) -> str:
-    """Return what the image shows, in words."""
+    """Return the report on an image: fit, extreme factors, and resolution."""
     values, seen = found.values, np.diag(resolved) > _SEEN
     ends = {name: int(at(values)) for name, at in (("lowest", np.argmin), ("highest", np.argmax))}
     places = {name: ", ".join(f"{1e6 * each:.3g}" for each in sought.places[at]) for name, at in ends.items()}
     lines = [
         f"chi2 = {found.chi_squared:.4g} a point at the weight {found.best.weight:.4g}: {found.reason}",
         *(f"{name} factor {values[at]:.3f} ± {errors[at]:.2g} at ({places[name]}) µm" for name, at in ends.items()),
-        f"{np.count_nonzero(seen)} of {len(values)} are seen, with more than {_SEEN:.0%} of a point in its place",
+        f"{np.count_nonzero(seen)} of {len(values)} values are resolved: more than {_SEEN:.0%} of a change of one "
+        "value appears in its place",
     ]
     if seen.any():
         lines.append(
-            f"where they are, the image of a point is {np.median(width[seen]):.2g} spheres wide, and a factor has an "
-            f"error by noise of {np.median(errors[seen]):.2g} (medians)"
+            f"there the image of such a change is {np.median(width[seen]):.2g} spheres wide, and the error of a "
+            f"factor from noise is {np.median(errors[seen]):.2g} (medians)"
         )
     if trouble := sought.trouble(values):
         lines.append(f"in the run of the image {trouble}: its records have kinks, and the image may be wrong there")
@@ -181,7 +183,7 @@ def said(sought: "Sought", found: Image, resolved: Floats, errors: Floats, width
 def table(
     sought: "Sought", found: Image, resolved: Floats, errors: Floats, width: Floats
 ) -> tuple[list[str], list[list[object]]]:
-    """Return the head and the rows of the map: places in rows, columns and m, factor, error, resolution."""
+    """Return the head and the rows of the map: row and column, place in m, factor, error, and resolution."""
     row, column = sought.sites
     ends = sought.ends
     of_spheres = (ends[:, 0] == ends[:, 1]).all()
@@ -197,7 +199,7 @@ def table(
 
 
 def draw_map(axes: "Axes", sought: "Sought", values: Floats) -> "Collection":
-    """Draw values along contacts or on spheres, with the spheres that were measured; return what has the colours."""
+    """Draw the values on contacts or spheres, and the measured spheres; return the coloured collection."""
     from matplotlib.collections import LineCollection
     from matplotlib.colors import CenteredNorm
 
@@ -217,7 +219,7 @@ def draw_map(axes: "Axes", sought: "Sought", values: Floats) -> "Collection":
 
 
 def figure(sought: "Sought", found: Image) -> "Figure":
-    """Return the map with its monitors, and the curve of the penalty over χ²."""
+    """Return the figure of the map with its measured spheres, and of the penalty over χ²."""
     drawing = page(3.3)
     left, right = drawing.subplots(1, 2, width_ratios=[1.4, 1])
     drawing.colorbar(draw_map(left, sought, found.values), ax=left, label=f"factor of {sought.of}")

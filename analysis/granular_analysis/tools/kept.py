@@ -1,6 +1,6 @@
-"""Folders of searches that can be stopped: what was asked, and each step of the search as soon as it is known.
+"""Folder of a search that can be stopped: its options, and each step as soon as it is known.
 
-The same command again continues the search, as each step follows from those before it.
+The same command continues the search, because each step follows from the steps before it.
 """
 
 import json
@@ -20,18 +20,18 @@ KEPT = "evaluations.bin"
 def begun(
     folder: Path, name: str, asked: Mapping[str, Any], row: np.dtype[Any], made: Sequence[str]
 ) -> tuple[Path, NDArray[Any]]:
-    """Begin a folder, or continue that of the same search; return its file of steps, and the steps that it holds.
+    """Begin a folder, or continue the folder of the same search; return the file of its steps, and the steps in it.
 
-    A search that kept no step gives its folder to another.
+    A folder without a step may be taken by another search.
 
     Parameters
     ----------
-    folder : of the search.
-    name, asked : of the file that says what was asked, and its content.
-    row : of a step.
-    made : other files that the search leaves.
+    folder : folder of the search.
+    name, asked : name of the file of options, and the options.
+    row : data type of a step.
+    made : names of other files that the search writes.
 
-    Raises TheoryError for a folder that holds another search, or files that are none of it.
+    Raises TheoryError for a folder with another search, or with files of that name but without a search.
     """
     path, steps, said = folder / name, folder / KEPT, json.dumps(asked, indent=2) + "\n"
     there = [each for each in (*made, KEPT) if (folder / each).exists()]
@@ -40,9 +40,9 @@ def begun(
         if path.read_text(encoding="utf-8") != said:
             raise TheoryError(f"{folder}: holds another search; give its scene and options again, or another folder")
     elif there and not path.is_file():
-        raise TheoryError(f"{folder}: holds {there[0]}, which is of no search; give another folder")
+        raise TheoryError(f"{folder}: holds {there[0]} without a search; give another folder")
     else:
         write(path, said)
-    with steps.open("ab") as stream:  # without the rest of one that was not written to its end
+    with steps.open("ab") as stream:  # cuts off a step that was not written completely
         stream.truncate(stream.tell() // row.itemsize * row.itemsize)
     return steps, np.fromfile(steps, dtype=row)

@@ -82,7 +82,7 @@ def beside(points: Sequence[Point], found: Floats) -> str:
 
 
 def measured(file: str) -> tuple[list[Point], str]:
-    """Return the points of a table, and how it was understood; TableError for a point on no surface wave."""
+    """Return the points of a table, and a sentence on its columns; TableError for a point on no surface wave."""
     found, table = read(file)
     points = [replace(each, branch=each.branch or BRANCH) for each in found]
     for each in points:
@@ -130,7 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     number: dict[str, Any] = {"type": float, "default": None}
     command.add_argument("scene", metavar="SCENE", help="file or name of a shipped scene with a [substrate]")
     changes_argument(command, "substrate.density=2000")
-    command.add_argument("--data", metavar="DATA.csv", help="measured points, to be drawn over the waves and listed")
+    command.add_argument("--data", metavar="DATA.csv", help="measured points to draw over the waves and to list")
     command.add_argument(
         "--density", metavar="RHO", help="density of the substrate, kg/m3 (default: density in the scene)", **number
     )
