@@ -110,6 +110,6 @@ def moved(
         lmp.commands_string(f"fix move all nve/bpm/sphere\n{more}\nrun 0 post no")
         fields = [seen()]
         for _ in range(samples):
-            lmp.command(f"run {steps} post no")
+            lmp.command(f"run {steps} pre no post no")
             fields.append(seen())
     return np.array(fields)
