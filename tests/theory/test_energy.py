@@ -174,6 +174,7 @@ def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
     assert stretch[0] < 1 < stretch[2]
 
 
+@pytest.mark.more  # the first 400 τ and the contact of the incremental law that opens are above
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_secant_law_blows_up():
     wave, around = Wave(RESONANT, A, Contact(NU)), np.arange(2232.0, 2236.0, 0.05)
@@ -191,6 +192,7 @@ def test_the_resonant_wave_of_the_secant_law_blows_up():
     assert around[np.array(overlaps) == 0][0] == pytest.approx(2233.75, abs=0.1)
 
 
+@pytest.mark.more  # the first 400 τ and the contact of the incremental law that opens are above
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_potential_law_does_not_blow_up():
     law = Contact(NU, law="potential")
