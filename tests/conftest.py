@@ -7,8 +7,8 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterable
-from itertools import chain, product
+from collections.abc import Callable, Generator, Iterable, Iterator
+from itertools import chain, count, product
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,21 @@ from tests.pause import paused
 pytest_plugins = ["tests.durations", "tests.manual.recorder"]
 
 PAPER = Scene.load("tr_nonresonant")
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """New paths for the tests of a file."""
+    folder = tmp_path_factory.mktemp("file")
+    return (folder / str(number) for number in count())
+
+
+@pytest.fixture
+def tmp_path(folders: Iterator[Path]) -> Path:
+    """A new folder for each test; that of pytest looks through the folders of all tests before, 2 ms in the end."""
+    folder = next(folders)
+    folder.mkdir()
+    return folder
 
 
 @pytest.hookimpl(wrapper=True)
