@@ -122,7 +122,7 @@ def kernel_lacks() -> str:
 
 
 def members(every: Iterable[Any], *more: Any) -> list[Any]:
-    """Return the values of a parameter; those of `more` are for `make stability`: their likes fail with them.
+    """Return the values of a parameter; values of `more` are for `make stability`, as similar values fail with them.
 
     A tuple holds values of several parameters.
     """
@@ -133,10 +133,10 @@ def members(every: Iterable[Any], *more: Any) -> list[Any]:
 
 
 def latin(*lists: Iterable[Any]) -> list[Any]:
-    """Return all combinations of the values of several lists, all `more` but a Latin square.
+    """Return all combinations of the values of several lists, all marked `more` except a Latin square.
 
-    There each combination of all lists but the shortest stands beside one of its values, so of three lists any two
-    values meet.
+    In the square each combination of all lists except the shortest meets one value of the shortest, so any two values
+    of three lists meet.
     """
     numbered = [list(enumerate(each)) for each in lists]
     found = []

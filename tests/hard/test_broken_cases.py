@@ -174,7 +174,7 @@ BROKEN: dict[str, tuple[Measure, str]] = {
 }
 
 
-# Of each, a likeness stands beside it, or its measure is one of `make stability` alone
+# `make test` runs a similar case for each of these, or `make stability` alone runs their measure
 MORE = {"weaker adhesion that sticks", "weaker adhesion that parts", "spheres that leave a substrate on a fast clock"}
 MORE |= {"two ranks with another amplitude", "a seed on a lattice of another law", "loss on a long run"}
 MORE |= {"a lossy contact at the resonance", "another law with open contacts", "a held sphere"}

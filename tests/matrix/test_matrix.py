@@ -10,7 +10,7 @@ from granular_lmp.studies.combine import BUILDS, EXCLUSIVE, NOT_BUILT, PHYSICS, 
 from granular_lmp.studies.features import IMPACTS, KINDS, WAVES, Kind
 from tests.matrix.outcomes import TABLE, WORDS, Row, alone, committed, found, gains, losses, rows_of, update, write
 
-# Dear rows of features that other rows have too
+# Expensive rows of features that other rows have too
 MORE = {"jkr", "beam", "quiet", "rolling", "no rotation", "tolerance", "hertz scale", "state", "free sides"}
 MORE |= {"held sides", "chirp", "quiet end", "wall end", "stiffness spread", "motion", "incremental", "restitution"}
 MORE |= {"another sphere", "free end", "packet", "finite sheet", "snapshots", "no tracking", "torque", "fixed"}

@@ -40,7 +40,7 @@ def small_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(forecast, "speed", built)
 
 
-# Their likes are shipped too
+# Similar scenes are shipped too
 MORE = ("tr_burst_scattering", "tr_impurity", "tr_grating", "tr_resonant", "tr_antiresonant", "struck_sheet")
 MORE += ("point_source", "monolayer_vertical")
 

@@ -126,7 +126,7 @@ def test_a_jkr_contact_that_sticks_or_parts_by_a_thousandth_of_the_speed_moves_a
     scene = scene_of(SNAP.with_values({"collision.normal_velocity": speed, "collision.steps": 1000}))
     error, bound = difference(scene, tmp_path)
     assert error < bound
-    # That DMT's law and contacts that pull before they touch are seen: 4 D0 and 2e-3 D0
+    # DMT's law would be off by 4 D0, and contacts that pull before they touch by 2e-3 D0
 
 
 def test_a_mass_that_is_wrong_by_a_millionth_is_seen(tmp_path: Path) -> None:
