@@ -7,7 +7,7 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from itertools import chain, count, product
 from pathlib import Path
 from typing import Any
@@ -49,19 +49,19 @@ from tests.pause import paused
 pytest_plugins = ["tests.durations", "tests.manual.recorder"]
 
 PAPER = Scene.load("tr_nonresonant")
+NUMBERS = count()
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """New paths for the tests of a file."""
-    folder = tmp_path_factory.mktemp("file")
-    return (folder / str(number) for number in count())
+def folder_of_file(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a test file, in which each test has its own."""
+    return tmp_path_factory.mktemp(request.path.stem)
 
 
 @pytest.fixture
-def tmp_path(folders: Iterator[Path]) -> Path:
-    """A new folder for each test; that of pytest looks through the folders of all tests before, 2 ms in the end."""
-    folder = next(folders)
+def tmp_path(request: pytest.FixtureRequest, folder_of_file: Path) -> Path:
+    """New folder for each test; pytest's own fixture searches the folders of all earlier tests, for up to 2 ms."""
+    folder = folder_of_file / f"{request.function.__name__[:30]}{next(NUMBERS)}"
     folder.mkdir()
     return folder
 
