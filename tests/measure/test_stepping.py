@@ -108,7 +108,7 @@ def test_a_sphere_that_is_turned_moves_others_as_in_lammps(tmp_path: Path) -> No
     found, expected = (each.snapshots().stack("displacement") for each in (ours, theirs))
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(found, expected, rtol=0, atol=rounding_of(theirs))
-    # What is dumped too, where the reader does not put the derivative of the signal in its place
+    # Spins in the dump too, where the reader does not put the derivative of the signal in their place
     spins = [read_dump(each.folder / SNAPSHOTS, None, ["omegaz"])["omegaz"] for each in (ours, theirs)]
     np.testing.assert_allclose(spins[0], spins[1], rtol=0, atol=1e-8 * np.abs(spins[1]).max())
 
