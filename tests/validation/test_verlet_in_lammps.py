@@ -59,7 +59,7 @@ def difference(scene: Scene, folder: Path, heavier: float = 0.0) -> tuple[float,
     return max(np.abs(each).max() for each in errors), 1e-9 * size + ROUNDINGS * sqrt(count) * rounding
 
 
-# The others are members of the random families below
+# Waves with contacts that open or slide, dashpots or quiet ends are among the random families below
 OFTEN = ["two_tones", "multilayer", "struck_sheet"]
 
 
