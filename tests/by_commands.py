@@ -13,7 +13,7 @@ from tests.instance import silent_lammps
 
 Floats = NDArray[np.float64]
 STYLES = {"secant": "mindlin", "incremental": "mindlin/force"}
-BEFORE, FAR = 60.0, 2000.0  # nm by which a box begins before its first sphere: with a period, without
+BEFORE, FAR = 60.0, 2000.0  # nm from the edge of a box to its first sphere: with a period, without
 
 
 def padded(values: Floats, *axes: int) -> Floats:
@@ -38,7 +38,7 @@ def moved(
     Parameters
     ----------
     network : the spheres, the periods of the cell and the planes of the walls.
-    models : of contacts: what follows ``pair_coeff``, a line for each pair of kinds; walls take the last.
+    models : contact models as words after ``pair_coeff``, a line for each pair of kinds; walls take the last line.
     start, rates : displacements and rotations, velocities and spins, (N, 3) each.
     step, steps : the time step, and how many of them lie between two samples.
     more : commands before the motion.
@@ -110,6 +110,6 @@ def moved(
         lmp.commands_string(f"fix move all nve/bpm/sphere\n{more}\nrun 0 post no")
         fields = [seen()]
         for _ in range(samples):
-            lmp.command(f"run {steps} post no")
+            lmp.command(f"run {steps} pre no post no")
             fields.append(seen())
     return np.array(fields)

@@ -8,7 +8,7 @@ import shutil
 import signal
 import sys
 from collections.abc import Callable, Generator, Iterable
-from itertools import chain, product
+from itertools import chain, count, product
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,21 @@ from tests.pause import paused
 pytest_plugins = ["tests.durations", "tests.manual.recorder"]
 
 PAPER = Scene.load("tr_nonresonant")
+NUMBERS = count()
+
+
+@pytest.fixture(scope="module")
+def folder_of_file(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a test file, in which each test has its own."""
+    return tmp_path_factory.mktemp(request.path.stem)
+
+
+@pytest.fixture
+def tmp_path(request: pytest.FixtureRequest, folder_of_file: Path) -> Path:
+    """New folder for each test; pytest's own fixture searches the folders of all earlier tests, for up to 2 ms."""
+    folder = folder_of_file / f"{request.function.__name__[:30]}{next(NUMBERS)}"
+    folder.mkdir()
+    return folder
 
 
 @pytest.hookimpl(wrapper=True)
@@ -107,7 +122,7 @@ def kernel_lacks() -> str:
 
 
 def members(every: Iterable[Any], *more: Any) -> list[Any]:
-    """Return the values of a parameter; those of `more` are for `make stability`: their likes fail with them.
+    """Return the values of a parameter; values of `more` are for `make stability`, as similar values fail with them.
 
     A tuple holds values of several parameters.
     """
@@ -118,10 +133,10 @@ def members(every: Iterable[Any], *more: Any) -> list[Any]:
 
 
 def latin(*lists: Iterable[Any]) -> list[Any]:
-    """Return all combinations of the values of several lists, all `more` but a Latin square.
+    """Return all combinations of the values of several lists, all marked `more` except a Latin square.
 
-    There each combination of all lists but the shortest stands beside one of its values, so of three lists any two
-    values meet.
+    In the square each combination of all lists except the shortest meets one value of the shortest, so any two values
+    of three lists meet.
     """
     numbered = [list(enumerate(each)) for each in lists]
     found = []

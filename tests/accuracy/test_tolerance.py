@@ -44,7 +44,7 @@ from tests.stepped_waves import NAMES, Stepped, Wave, in_lammps, scene_of
 
 
 def periodic(name: str, rows: int, waves: int, amplitude: float, **more: Any) -> Scene:
-    """A wave of which a number fits into a periodic cell, 60 τ."""
+    """A wave of which a whole number fits into a periodic cell, for 60 τ."""
     return PAPER.with_values(
         {
             "packing.rows": rows,
@@ -86,7 +86,7 @@ def test_the_stepped_lattice_is_lammps(scene: Scene, per_sample: int, tmp_path: 
     record = run(scene.with_values({"time.timestep": 0.5 / per_sample}), tmp_path / "run")
     model, other = (stepped([wave_of(scene)], per_sample + more, records=scene.time.samples)[0] for more in (0, 1))
     for name, error in errors_of(record, model).items():
-        # Rounding of positions of 1e4 nm, of the p of RT (1e-4 of D0) the most
+        # Rounding of positions of 1e4 nm, largest beside the p of RT (1e-4 of D0)
         assert error < (3e-6 if name == "p" else 1e-8), name
         assert errors_of(record, other)[name] > 1e-4  # another step is seen
 

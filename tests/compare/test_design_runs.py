@@ -20,7 +20,6 @@ designs = pytest.importorskip("granular_analysis.measure.designs", reason="needs
 
 ROWS = np.arange(24) // 3
 TEN = list(range(4, 24, 2))
-OPPOSITE = {"wave.phase": np.pi}
 SCENE = """
 name = "doubled"
 

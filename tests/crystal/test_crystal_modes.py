@@ -31,7 +31,6 @@ from tests.manual import Measure, Mutant, verifies
 
 PRESSED = replace(SILICA, work_of_adhesion=0.0, contact_force=SILICA.pull_off_force)
 PER_MASS = SILICA.time_scale**2 / SILICA.mass
-INERTIA = INERTIA_RATIO / (1 - SILICA.overlap_ratio)  # over the mass
 # A frequency is a sum of squares of some ten terms, each rounded a few times
 ROUNDED = 1e-13
 

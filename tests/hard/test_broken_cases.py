@@ -174,7 +174,7 @@ BROKEN: dict[str, tuple[Measure, str]] = {
 }
 
 
-# Of each, a likeness stands beside it, or its measure is one of `make stability` alone
+# `make test` runs a similar case for each of these, or `make stability` alone runs their measure
 MORE = {"weaker adhesion that sticks", "weaker adhesion that parts", "spheres that leave a substrate on a fast clock"}
 MORE |= {"two ranks with another amplitude", "a seed on a lattice of another law", "loss on a long run"}
 MORE |= {"a lossy contact at the resonance", "another law with open contacts", "a held sphere"}
@@ -186,7 +186,7 @@ MORE |= {"pressed fcc on a fast clock", "a breather on a fast clock", "a breathe
 MORE |= {"another law next to pull-off at all steps but the finest", "a breather in a chain that comes loose"}
 MORE |= {"a lost sphere", "a rough sheet with a held sphere", "a struck sheet of lossy contacts"}
 MORE |= {"a slope at the resonance of another ν"}
-MORE |= {"an edge of opening of another adhesion", "the other side of an edge of opening", "orders of a lossy network"}
+MORE |= {"an edge of opening of another adhesion", "the other side of an edge of opening", "a lossy network"}
 MORE |= {"a slope without the jump of a pull", "a slope away from the resonance", "two modes of other slopes"}
 MORE |= {"a network beyond its step", "a network with the works of another law"}
 MORE |= {"roundings of a network a hundred times too large"}

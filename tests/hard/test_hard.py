@@ -15,7 +15,7 @@ def rounded(name: str) -> bool:
     return edge or "degenerate" in name or name == "L, xi = 0.01001"
 
 
-# Of each, a likeness stands beside it; collisions that part are those of tests/validation/test_pull_off.py
+# `make test` runs a similar case for each of these; tests/validation/test_pull_off.py has collisions that part
 MORE = {"parting velocity", "sticking speed", "spheres that leave their substrate", "a = 0.9", "antiresonance"}
 MORE |= {"corners, nu = -0.9", "corners, nu = -0.5", "corners, nu = 0.0", "corners, nu = 0.3", "corners, nu = 0.49"}
 MORE |= {"a = 2", "order at a = 5", "order at a = 2.3, jkr", "noise of a long cell", "energy of a struck sheet"}
@@ -23,8 +23,8 @@ MORE |= {"order of a rough sheet, incremental", "TR, xi = 3.132", "RT, xi = 3.13
 MORE |= {"p at a = 0.001", "p at a = 1e-06", "a rough sheet, incremental", "mirror of a rough sheet, incremental"}
 MORE |= {"sizes and units", "fcc under load", "order at a = 2.1, jkr"}
 MORE |= {f"the edge of opening, {kind}" for kind in ("Hertz, secant", "DMT, incremental", "JKR, incremental")}
-MORE |= {"energy of a network with shear", "rounding of a network"}
-# Slopes of both modes are those of differences in tests/theory/test_network_gradient.py and _beside_theory
+MORE |= {"energy of a network", "energy of a network with shear", "rounding of a network"}
+# tests/theory/test_network_gradient.py and test_gradient_beside_theory.py check slopes of both modes
 MORE |= {"slopes next to a pull-off", "slopes at the resonance"}
 assert set(FAST) > MORE
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PROGRAM = "from granular_analysis.cli import program; import sys; sys.argv[1:] = ['design', '1e12']; program()"
+PROGRAM = "from granular_analysis.cli import program; import sys; sys.argv[1:] = ['--help']; program()"
 SAID_AT_THE_END = "import atexit, os; atexit.register(lambda: print(os.environ.get('OPENBLAS_NUM_THREADS')))"
 
 

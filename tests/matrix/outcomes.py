@@ -59,7 +59,8 @@ def write(rows: Rows, file: Path = TABLE) -> None:
 
 def alone(kind: Kind) -> list[str]:
     """Return the features that build without another."""
-    return [name for name in kind.features if committed()[kind.name, name, name].outcome == BUILDS]
+    rows = committed()
+    return [name for name in kind.features if rows[kind.name, name, name].outcome == BUILDS]
 
 
 def losses(before: Rows, now: Rows) -> Iterator[str]:

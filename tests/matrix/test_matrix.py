@@ -10,7 +10,7 @@ from granular_lmp.studies.combine import BUILDS, EXCLUSIVE, NOT_BUILT, PHYSICS, 
 from granular_lmp.studies.features import IMPACTS, KINDS, WAVES, Kind
 from tests.matrix.outcomes import TABLE, WORDS, Row, alone, committed, found, gains, losses, rows_of, update, write
 
-# Dear rows of features that other rows have too
+# Expensive rows of features that other rows have too
 MORE = {"jkr", "beam", "quiet", "rolling", "no rotation", "tolerance", "hertz scale", "state", "free sides"}
 MORE |= {"held sides", "chirp", "quiet end", "wall end", "stiffness spread", "motion", "incremental", "restitution"}
 MORE |= {"another sphere", "free end", "packet", "finite sheet", "snapshots", "no tracking", "torque", "fixed"}
@@ -23,11 +23,12 @@ ROWS = [
     for name in kind.features
 ]
 A, B = ("waves", "a", "a"), ("waves", "b", "a")
+COMMITTED = committed()
 
 
 @pytest.mark.parametrize(("kind", "name"), ROWS)
 def test_a_feature_goes_with_those_that_it_went_with(kind: Kind, name: str) -> None:
-    before = {pair: row for pair, row in committed().items() if pair[:2] == (kind.name, name)}
+    before = {pair: row for pair, row in COMMITTED.items() if pair[:2] == (kind.name, name)}
     now = rows_of(kind, name)
     assert not [*gains(before, now)], "python -m tests.matrix writes a gain; a loss is a mistake"
     assert before == update(before, now)
@@ -38,13 +39,13 @@ def test_the_table_has_each_pair_of_the_lists_in_their_order() -> None:
     for kind in KINDS:
         names = [*kind.features]
         pairs += [(kind.name, name, other) for n, name in enumerate(names, 1) for other in names[:n]]
-    assert [*committed()] == pairs
-    assert {row.outcome for row in committed().values()} == {*WORDS}
+    assert [*COMMITTED] == pairs
+    assert {row.outcome for row in COMMITTED.values()} == {*WORDS}
 
 
 def test_the_table_says_why_each_refused_pair_is_refused() -> None:
     kinds = {kind.name: kind for kind in KINDS}
-    refused = {pair: row for pair, row in committed().items() if row.outcome != BUILDS}
+    refused = {pair: row for pair, row in COMMITTED.items() if row.outcome != BUILDS}
     assert refused == {pair: found(kinds[pair[0]], *pair[1:]) for pair in refused}
     assert all(row.message for row in refused.values())
     assert {row.outcome for row in refused.values()} == {PHYSICS, NOT_BUILT, EXCLUSIVE}
@@ -94,7 +95,7 @@ def test_the_table_may_only_gain() -> None:
 
 
 def test_the_table_is_read_back_as_it_was_written(tmp_path: Path) -> None:
-    write(committed(), tmp_path / "table.csv")
+    write(COMMITTED, tmp_path / "table.csv")
     assert (tmp_path / "table.csv").read_bytes() == TABLE.read_bytes()
 
 

@@ -85,7 +85,7 @@ SETUPS = {each.name: each for each in setups()}
 
 
 @cache
-def departures(name: str, sets: int = 20) -> np.ndarray:
+def departures(name: str, sets: int) -> np.ndarray:
     """Return how far noisy sets of a set-up are off."""
     return SETUPS[name].departures(0.01, sets)
 
@@ -119,7 +119,7 @@ def test_residuals_say_that_a_law_is_wrong() -> None:
 
 
 def test_intervals_that_are_too_narrow_would_be_seen() -> None:
-    coverage, _ = judged(departures("sheet") * 4)
+    coverage, _ = judged(departures("sheet", 20) * 4)
     assert np.any(coverage < 0.8)
 
 

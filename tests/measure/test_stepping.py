@@ -24,6 +24,7 @@ from granular_lmp.runs.status import read_status, write_status
 from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
 from granular_lmp.studies.sweep import Sweep, sweep
+from tests.conftest import members
 
 HERE = NetworkEngine.on("cpu")
 SHORT = {"time.duration": 6.0}
@@ -107,11 +108,12 @@ def test_a_sphere_that_is_turned_moves_others_as_in_lammps(tmp_path: Path) -> No
     found, expected = (each.snapshots().stack("displacement") for each in (ours, theirs))
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(found, expected, rtol=0, atol=rounding_of(theirs))
-    # What is dumped too, where the reader does not put the derivative of the signal in its place
+    # Spins in the dump too, where the reader does not put the derivative of the signal in their place
     spins = [read_dump(each.folder / SNAPSHOTS, None, ["omegaz"])["omegaz"] for each in (ours, theirs)]
     np.testing.assert_allclose(spins[0], spins[1], rtol=0, atol=1e-8 * np.abs(spins[1]).max())
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_what_reads_runs_reads_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changes = {"time.duration": 20.0, "output.particles": 2.0}
     record = run(scene_of("tr_periodic", changes), tmp_path / "run", engine=HERE)
@@ -131,7 +133,7 @@ def test_what_reads_runs_reads_it(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "m/s" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("device", ["cpu", "numpy", "jax"])
+@pytest.mark.parametrize("device", members(["cpu", "numpy", "jax"], "numpy"))
 def test_a_run_that_is_stopped_continues_to_the_same_bytes(device: str, tmp_path: Path) -> None:
     if device == "jax":
         pytest.importorskip("jax")

@@ -9,7 +9,6 @@ from tests.pages import write_table
 from tests.promises.paths import PATHS
 
 TABLE = Path(__file__).parents[2] / "docs" / "promises.csv"
-SUITE = "tests/promises/test_promises.py"
 # Promise → the test of the suite that holds it
 PROMISES = {
     "numbers under the right name": "test_numbers_are_what_the_dump_and_the_deck_say",

@@ -133,8 +133,8 @@ def stopped(scene: Scene, folder: Path, launcher: str = "module", ranks: int = 1
         run(scene, folder, launcher=launcher, ranks=ranks)
 
 
-# Imperfect crystals are stopped as the perfect one, the sheet with friction and walls, the chain under a force, and
-# sources as samples
+# Imperfect crystals stop like the perfect one, sheets like the one with friction and walls, the chain like the one
+# under a force, and sources like samples
 MORE = ["imperfect", "sheet", "slides", "held", "chain", "sources in space", "sources"]
 
 

@@ -220,8 +220,8 @@ def test_ctrl_c_ends_a_run_before_its_end_and_says_how_to_go_on(switch: list[str
     assert np.isfinite(record.q).all()
 
 
-# 3000 steps of 3480 spheres: a second with the kernel, to be stopped in its first fifth. Few steps: ranks that share a
-# core wait for each other in busy loops, a time slice at each of them
+# 3000 steps of 3480 spheres: a second with the kernel, to be stopped in its first fifth. Few steps, as ranks that
+# share a core wait for each other in busy loops, for a time slice at each step
 LONG = {"packing.rows": 29, "packing.columns": 120, "time.duration": 150.0, "time.allow_echo": "true"}
 OFTEN = 3480 * 100 / SPEED / 60  # minutes: 100 steps on one rank, twice as many on two
 LONG_RUN = [f"{key}={value}" for key, value in LONG.items()]

@@ -40,7 +40,7 @@ def small_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(forecast, "speed", built)
 
 
-# Their likes are shipped too
+# Similar scenes are shipped too
 MORE = ("tr_burst_scattering", "tr_impurity", "tr_grating", "tr_resonant", "tr_antiresonant", "struck_sheet")
 MORE += ("point_source", "monolayer_vertical")
 
@@ -55,13 +55,13 @@ def test_each_shipped_scene_has_a_cell_that_stands_for_it(name: str, small_cells
     [
         ("tr_burst_scattering", {}),  # quiet ends, which a periodic cell has not
         ("tr_nonresonant", {"wave.wavenumber": 0.01, "packing.rows": 201}),  # longer than the cell
-        ("tr_impurity", {"packing.rows": 600, "inclusion.1.spheres": [[400, 5]]}),  # a place that the cell has not
+        ("tr_impurity", {"packing.rows": 120, "inclusion.1.spheres": [[110, 5]]}),  # a place that the cell has not
         ("tr_nonresonant", {"wave.direction": "x", "packing.ends": "periodic", "packing.rows": 100}),
     ],
     ids=str,
 )
 def test_a_large_scene_is_forecast_by_a_cell_that_is_a_valid_scene(name: str, changes: dict[str, Any]) -> None:
-    problem = prepare(Scene.load(name).with_values(changes | {"packing.columns": 300}))
+    problem = prepare(Scene.load(name).with_values(changes | {"packing.columns": 210}))
     assert forecast._small(problem).shape.spheres == 10_000
     assert forecast._small(problem).effects == problem.scene.effects
 

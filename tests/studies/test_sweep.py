@@ -583,7 +583,7 @@ def test_the_command_sweeps_and_goes_on(small_toml: Path, tmp_path: Path, capsys
     ("own", "key"),
     [
         ({"wave.amplitude": None}, "wave.amplitude=0.1,0.2"),
-        ({"wave.amplitude": -1}, "wave.amplitude=0.1,0.2"),
+        pytest.param({"wave.amplitude": -1}, "wave.amplitude=0.1,0.2", marks=pytest.mark.more),
         ({"time.timestep": 2.0, "time.sample": 2.0}, "time.timestep=0.5,0.25"),  # 2 is a scene whose run is refused
     ],
 )

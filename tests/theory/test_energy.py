@@ -29,7 +29,7 @@ def ledger(law, mode=RESONANT, end=120, rtol=1e-11):
 
 @cache
 def _ledger(law, mode, end, rtol):
-    # Of any number of points the shift and its way back are each other's transpose, with which the ledger closes
+    # With any number of points the shift and its way back are each other's transpose, so the ledger closes
     return energy.ledger(Wave(mode, A, Contact(NU, law=law)), np.linspace(0, end, 241), points=21, rtol=rtol)
 
 
@@ -154,7 +154,7 @@ def test_away_from_the_resonance_the_energy_hardly_changes(law, xi, swing):
 
 
 def test_incremental_wave_at_the_resonance_opens_a_contact():
-    # Without the ledger's ½S²/k_S: the trajectory alone says so.
+    # The trajectory alone shows it, without the ledger's ½S²/k_S.
     time = energy.opening_time(Wave(RESONANT, A, Contact(NU, law="incremental")), 800, rtol=1e-8)
     assert time == pytest.approx(690.5, abs=0.5)
 
@@ -174,6 +174,7 @@ def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
     assert stretch[0] < 1 < stretch[2]
 
 
+@pytest.mark.more  # the first 400 τ and the contact of the incremental law that opens are above
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_secant_law_blows_up():
     wave, around = Wave(RESONANT, A, Contact(NU)), np.arange(2232.0, 2236.0, 0.05)
@@ -191,6 +192,7 @@ def test_the_resonant_wave_of_the_secant_law_blows_up():
     assert around[np.array(overlaps) == 0][0] == pytest.approx(2233.75, abs=0.1)
 
 
+@pytest.mark.more  # the first 400 τ and the contact of the incremental law that opens are above
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_potential_law_does_not_blow_up():
     law = Contact(NU, law="potential")

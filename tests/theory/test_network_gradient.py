@@ -22,7 +22,7 @@ factors = pytest.importorskip("granular_analysis.theory.network_factors", reason
 
 OVERLAP, ADHESION = 1e-2, 1e-3  # so deep that a step of 1e-3 in a radius opens no contact
 RECORDED = np.array([5, 9])
-# What each kind changes of 24 spheres in the plane; those in space lie on a wall
+# Changes of each kind to 24 spheres in the plane; spheres in space lie on a wall
 KINDS = {
     "sheet": {},
     "incremental": {"law": "incremental"},
@@ -64,7 +64,7 @@ def of_kind(kind: str) -> "factors.Run":
 
 
 def read_off(found: object) -> object:
-    """Return a number that hangs on all of a record."""
+    """Return a number that depends on all of a record."""
     weights = jnp.asarray(np.random.default_rng(3).normal(size=found.motion.shape))
     return jnp.sum(weights * found.motion) + 1e3 * (jnp.sum(found.motion[:, 0] ** 2) + jnp.sum(found.power))
 
@@ -112,7 +112,7 @@ def test_a_slip_that_is_zero_until_a_factor_changes_it_has_its_slope() -> None:
     assert slope[2] == pytest.approx((ends[0] - ends[1]) / 2e-3, rel=1e-5)
 
 
-# Of a kind all is compiled once, which takes some seconds; one holds the lines of most
+# Each kind is compiled once, for some seconds; friction runs the lines of most others
 @pytest.mark.parametrize("kind", members(KINDS, *(kind for kind in KINDS if kind != "friction")))
 def test_what_a_gradient_leaves_is_of_second_order_and_both_modes_are_adjoint(kind: str) -> None:
     run, rng = of_kind(kind), np.random.default_rng(1)
@@ -130,7 +130,7 @@ def test_what_a_gradient_leaves_is_of_second_order_and_both_modes_are_adjoint(ki
         assert read(0.0)[1] == pytest.approx(along, rel=1e-11, abs=1e-15 * abs(value)), name
         sizes = STEPS * (1e-2 if name == "radius" else 1.0)
         left = np.array([abs(read(size)[0] - value - along * size) for size in sizes])
-        if left[0] > 1e-12 * abs(value):  # else linear, or nothing hangs on it, to rounding
+        if left[0] > 1e-12 * abs(value):  # otherwise linear or independent, to rounding
             assert order_of(left, sizes) == pytest.approx(2, abs=0.1), name
 
 
@@ -144,7 +144,7 @@ def test_what_a_hessian_leaves_is_of_third_order_and_it_is_symmetric(kind: str) 
     by_other = gradients.hessian_product(run, read_off, ones, other)[1]
     both = [sum(np.sum(a[name] * b[name]) for name in FACTORS) for a, b in ((other, by_one), (one, by_other))]
     assert both[0] == pytest.approx(both[1], rel=1e-11)
-    # All factors together, and of a radius a hundredth
+    # All factors change together, radii by a hundredth of the others
     way = {name: one[name] * (1e-2 if name == "radius" else 1.0) for name in FACTORS}
     slope, change = gradients.hessian_product(run, read_off, ones, way)
     first, second = (sum(np.sum(a[name] * way[name]) for name in FACTORS) for a in (slope, change))
@@ -168,7 +168,7 @@ def test_the_memory_of_a_gradient_grows_as_the_root_of_the_steps_also_between_fe
     assert one < other < 4 * one
 
 
-# Factors make the run of `friction` another one without another compilation
+# Factors change the run of `friction` without another compilation
 WIDE, FAR, SLIPPERY = {"amplitude": 30.0}, {"amplitude": 1e3}, {"normal_stiffness": 1e-5}
 
 
@@ -242,7 +242,7 @@ def test_the_mass_of_a_sphere_on_a_spring_has_the_slope_and_the_curvature_of_its
     slope, change = gradients.hessian_product(
         run, lambda found: found.motion[-1, 0, 0] / 1e-8, run.neutral("density"), {"density": np.eye(3)[1]}
     )
-    # Of cos φ, φ = 200 arcsin(half/√density)
+    # Derivatives of cos φ with φ = 200 arcsin(half/√density)
     angle, root = 200 * np.arcsin(half), np.sqrt(1 - half**2)
     first, second = -100 * half / root, 100 * half * (1 / root + 0.5 / root**3)
     exact = -np.sin(angle) * first, -np.cos(angle) * first**2 - np.sin(angle) * second

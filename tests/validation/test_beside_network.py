@@ -414,7 +414,7 @@ def _all() -> Iterator[tuple[str, Beside]]:
 
 
 CASES = dict(_all())
-# Of each, a case with one feature more stands beside it, or its like in another family
+# `make test` runs each of these with one more feature, or a similar case of another family
 MORE = [
     *("a source on a standing wave", "a source on a driven wave"),
     *(

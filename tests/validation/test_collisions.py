@@ -96,7 +96,7 @@ def test_head_on_impacts_have_the_published_overlap_force_and_time(
 ) -> None:
     result = collide(name, {"contact.normal": normal})
     found = result.largest_overlap * 1e6, result.largest_force / 1e3, result.contact_time * 1e6
-    # Asked for: 1e-5. The published digits end at 1e-6 or so
+    # The benchmark asks for 1e-5; the published digits end at 1e-6 or so
     measured(max(map(relative, found, HEAD_ON[name])))
     # The error of the step: (2π dt/(2 contact times))²/24 = 4e-9, with the exponent of Hertz
     exact = hertz(result.collision)

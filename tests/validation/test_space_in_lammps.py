@@ -21,7 +21,7 @@ from tests.conftest import members
 SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag, times in ns
 RADIUS, DENSITY = 500.0, 2.2e-3
 ROOT2, ROOT3, ROOT6 = np.sqrt(2), np.sqrt(3), np.sqrt(6)
-ENDLESS = np.inf  # of a box: without a period
+ENDLESS = np.inf  # length of a box without a period
 
 
 def overlap(radius: float) -> float:
@@ -37,7 +37,7 @@ FLOOR = Wall((0.0, 0.0, SUNK - RADIUS), (0.0, 0.0, -1.0), SILICA)
 
 
 def filled(lattice: Lattice, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places (N, 3) of a lattice in a small box, and which of the primitive cell they are (N,)."""
+    """Return the places (N, 3) of a lattice in a small box, and their numbers (N,) in the primitive cell."""
     reach = np.ceil(np.linalg.norm(box) * np.linalg.norm(np.linalg.pinv(lattice.vectors), axis=0)).astype(int)
     steps = np.array(list(product(*(range(-each, each + 1) for each in reach))))
     place = (steps @ lattice.vectors)[:, None] + lattice.basis
@@ -58,7 +58,7 @@ CELLS = {
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A wave along y in some cells of a crystal, periodic but for layers, which lie on a wall."""
+    """A wave along y in some cells of a crystal, periodic except for layers, which lie on a wall."""
 
     name: tuple[str, str]
     repeats: tuple[int, int, int]
@@ -136,7 +136,7 @@ def left(run: Run, amplitude: float, periods: int = 2, turned: float = 0.25) -> 
     size, times = amplitude * DEPTH * np.exp(0.3j), np.linspace(0.0, periods * run.period, 7 * periods)
     highest = run.crystal.modes(run.wave.wavevector).frequencies[-1]
     fewest = int(np.ceil(times[1] * highest / turned))
-    # Errors of first and second order in the step go: LAMMPS turns a slip by the end of a step
+    # These weights remove errors of first and second order in the step; LAMMPS turns a slip by the end of a step
     parts = [weight * run.even(size, times, n * fewest) for n, weight in ((1, 1 / 3), (2, -2.0), (4, 8 / 3))]
     theory = run.theory(size, times)
     return float(np.linalg.norm(sum(parts) - theory) / np.linalg.norm(theory))
@@ -226,7 +226,7 @@ def drifted(run: Run, amplitude: float, *periods: int) -> list[float]:
 
 
 def slope(times: np.ndarray, moved: np.ndarray) -> float:
-    """Return the slope of a line through values with a window, by which oscillations are no part of it."""
+    """Return the slope of a line fitted to values with a window that removes oscillations."""
     return float(np.polyfit(times, moved, 1, w=np.hanning(len(times) + 2)[1:-1])[0])
 
 

@@ -59,7 +59,8 @@ def difference(scene: Scene, folder: Path, heavier: float = 0.0) -> tuple[float,
     return max(np.abs(each).max() for each in errors), 1e-9 * size + ROUNDINGS * sqrt(count) * rounding
 
 
-OFTEN = ["l_opening", "tr_sliding", "tr_damped", "two_tones", "multilayer", "struck_sheet", "quiet_ends"]
+# Waves with contacts that open or slide, dashpots or quiet ends are among the random families below
+OFTEN = ["two_tones", "multilayer", "struck_sheet"]
 
 
 @pytest.mark.parametrize("name", members(SHIPPED, *(name for name in SHIPPED if name not in OFTEN)))
@@ -125,7 +126,7 @@ def test_a_jkr_contact_that_sticks_or_parts_by_a_thousandth_of_the_speed_moves_a
     scene = scene_of(SNAP.with_values({"collision.normal_velocity": speed, "collision.steps": 1000}))
     error, bound = difference(scene, tmp_path)
     assert error < bound
-    # That DMT's law and contacts that pull before they touch are seen: 4 D0 and 2e-3 D0
+    # DMT's law would be off by 4 D0, and contacts that pull before they touch by 2e-3 D0
 
 
 def test_a_mass_that_is_wrong_by_a_millionth_is_seen(tmp_path: Path) -> None:
