@@ -182,7 +182,7 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
     notes: list[str] = []
     if decks:
         reading = read_apart(decks[0], dict(options.variables))
-        known, notes = known_of(reading, known)
+        known, notes = known_of(reading, known, dumps)
         dumps = dumps or [str(each) for each in dumps_of(reading)]
         of_deck = {path.resolve(): found for path, found in local_dumps(reading).items()}
         contacts = {path: words or of_deck.get(path.resolve()) for path in contacts or of_deck}

@@ -341,8 +341,7 @@ class _Reading:
                 raise RunFolderError(f"step {frame.step}: {name} of sphere {where:.0f} is not finite")
         if len(np.unique(ids)) < len(ids):
             raise RunFolderError(f"step {frame.step}: several spheres have the same id")
-        table = {"id": ids, "type": columns.get("type", np.ones(len(ids)))}
-        known = self.known.spheres
+        table, known = {"id": ids, "type": self._types(columns, ids)}, self.known.spheres
         radius = columns.get("radius")
         if self.known.radius is not None or (radius is None and known is None):
             radius = self._by_type("radius", self.known.radius, table["type"])
@@ -370,6 +369,18 @@ class _Reading:
             for each in there:  # a sheet may have no vz
                 table[each] = units.si(columns.get(each, np.zeros(len(ids))), mass=mass, length=length, time=time)
         return table
+
+    def _types(self, columns: Mapping[str, Floats], ids: Floats) -> Floats:
+        """Return the type of each sphere, by the dump or else by the deck; without both all spheres have type 1."""
+        known = self.known.spheres
+        if "type" in columns:
+            return columns["type"]
+        if known is not None and np.ptp(known.type):
+            return _by_id(known.type.astype(float), known, ids)
+        for name in ("radius", "density") if known is None else ():
+            if len(getattr(self.known, name) or ()) > 1:
+                raise RunFolderError(f"{name}: several numbers, but the dump holds no type; give one number")
+        return np.ones(len(ids))
 
     def _by_type(self, name: str, values: Sequence[float] | None, types: Floats) -> Floats:
         if values is None:
@@ -415,6 +426,16 @@ class _Reading:
                 self.say(f"step {step}: {len(others)} spheres {verb} (id {said}); they are left out")
                 self.come_and_go |= {int(each) for each in others}
 
+    @property
+    def _unlike_deck(self) -> dict[str, list[int]]:
+        """Some spheres of the deck that the first snapshot lacks, and some of the snapshot that the deck lacks."""
+        known, first = self.known.spheres, self.first
+        assert first is not None
+        there = first.columns["id"].astype(np.int64)
+        ids = there if known is None else known.id
+        either = {"absent": np.setdiff1d(ids, there), "strangers": np.setdiff1d(there, ids)}
+        return {name: found[:_NAMED].tolist() for name, found in either.items()}
+
     def described(self, paths: Sequence[Path]) -> dict[str, Any]:
         """Return what ``run.json`` says of the crystal."""
         first, units = self.first, self.units
@@ -438,6 +459,7 @@ class _Reading:
             "deforms": self.deforms,
             "resolution": float(units.si(self.resolution, length=1)),
             "come_and_go": sorted(self.come_and_go),
+            **self._unlike_deck,
             "laws": [{"types": [*types], **law.in_si(units)} for types, law in self.known.laws.items()],
             "outside": self.known.outside.in_si(units),
         }

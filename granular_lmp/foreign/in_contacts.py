@@ -10,7 +10,7 @@ from granular_lmp.crystal.adhesion_laws import Jkr
 from granular_lmp.foreign.finding import Check, Finding
 from granular_lmp.foreign.in_space import through_flat_axis
 from granular_lmp.foreign.interpreter import Command
-from granular_lmp.foreign.laws import Law, granular
+from granular_lmp.foreign.laws import Law, law_of_wall
 from granular_lmp.foreign.reading import Pairs, Reading, Spheres
 from granular_lmp.foreign.vibrations import contacts_of, effective_radius
 
@@ -146,9 +146,7 @@ def _mixed_shear(reading: Reading) -> Iterator[Finding]:
 
 def _wall(reading: Reading) -> Iterator[Finding]:
     for command in () if reading.start is None else reading.start.fixes:
-        if command.words[3] != "wall/gran" or command.words[4] != "granular":
-            continue
-        wall = granular(command, command.words[5:])
+        wall, _ = law_of_wall(command)
         of_spheres = next((law for law in reading.laws.values() if not law.mixed), None)
         if wall is None or of_spheres is None or not wall.young or not of_spheres.young:
             continue

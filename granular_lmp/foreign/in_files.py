@@ -6,9 +6,10 @@ from math import floor, log10
 
 import numpy as np
 
+from granular_lmp.foreign.between import MOVING, changes
 from granular_lmp.foreign.finding import Check, Finding
 from granular_lmp.foreign.interpreter import Command
-from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.reading import DUMPS, Reading
 from granular_lmp.foreign.vibrations import contacts_of, expected_displacement
 
 _DIGITS = 3  # of the overlap that a dump should leave
@@ -19,10 +20,10 @@ _ON_FACE = 1e-9  # distance from a periodic face, in radii
 
 def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
     expected = expected_displacement(reading)
-    gone = {word for command in reading.named("undump") for word in command.words[1:2]}
+    writing = {id(dump) for stage in reading.stages for dump in stage.dumps}
     for dump in [] if expected is None else reading.dumps:
         assert expected is not None
-        unit = 0.0 if dump.words[1] in gone else _unit(reading, dump)
+        unit = _unit(reading, dump) if id(dump) in writing else 0.0
         if unit and (left := log10(expected / unit)) < _DIGITS:
             yield Finding(
                 dump,
@@ -77,6 +78,21 @@ def _rounding(text: str, largest: float) -> float:
 
 def _last_digit(largest: float, digits: int) -> float:
     return 10.0 ** (floor(log10(largest)) + 1 - digits) if largest else 0.0
+
+
+def _moved_frames(reading: Reading) -> Iterator[Finding]:
+    told: set[int] = set()
+    for dump in reading.dumps:
+        for command in changes(reading, [dump]) if dump.words[3] in DUMPS else ():
+            if command.name in MOVING and id(command) not in told:
+                told.add(id(command))
+                yield Finding(
+                    command,
+                    f"'{command}' moves spheres in no time, and the dump {dump.words[1]} of {dump.place} is on: it has "
+                    "frames from before and after, which belong to no motion",
+                    None,
+                    f"undump {dump.words[1]}, before this line; or dump ... behind it",
+                )
 
 
 def _velocities_of_ghosts(reading: Reading) -> Iterator[Finding]:
@@ -142,6 +158,11 @@ CHECKS = (
         "coarse-dump",
         "A wave moves spheres by less than their overlap, and %g keeps six digits of the position.",
         _coarse_dumps,
+    ),
+    Check(
+        "frames-without-motion",
+        "Velocities, spectra and fronts of a dump are wrong if no time passes between two of its frames.",
+        _moved_frames,
     ),
     Check(
         "ghost-velocities",

@@ -17,6 +17,9 @@ from granular_lmp.frozen import dataclass
 
 MOST_COMMANDS = 100_000  # a loop that never ends is stopped after a second or two
 _WORD = re.compile(r'"""(.*?)"""|"([^"]*)"|\'([^\']*)\'|(\S+)', re.DOTALL)
+_RUN = re.compile(
+    r"run [-+]?\d+( upto| (start|stop) \S+| (pre|post) (yes|no|on|off|true|false))*( every .*)?", re.DOTALL
+)
 _COMMENT = re.compile(r'(""".*?"""|"[^"]*"|\'[^\']*\')|#.*', re.DOTALL)
 _WRITING = (
     *("print", "log", "echo", "info", "restart", "timer", "dump", "dump_modify", "undump", "rerun"),
@@ -73,6 +76,11 @@ class Command:
         """Name of the command."""
         return self.words[0]
 
+    @property
+    def place(self) -> str:
+        """File and line, as ``in.chain:12``."""
+        return f"{self.file}:{self.line}"
+
     def __str__(self) -> str:
         """Return the command on one line."""
         return " ".join(self.words)
@@ -87,14 +95,16 @@ def lines_of(text: str) -> list[tuple[int, str]]:
     """Return the commands of a file as they are written, each with the number of its first line, without comments.
 
     As in LAMMPS lines are joined before comments are stripped: a comment that ends in "&" takes the next line with it.
+    A file that ends within a command leaves the last command with its "&", or with its open quotes.
     """
     found: list[tuple[int, str]] = []
     first, joined = 1, ""
-    for number, line in enumerate(text.split("\n"), start=1):
+    lines = text.removesuffix("\n").split("\n")
+    for number, line in enumerate(lines, start=1):
         joined += line
-        if joined.rstrip().endswith("&"):
+        if number < len(lines) and joined.rstrip().endswith("&"):
             joined = joined.rstrip()[:-1]
-        elif joined.count('"""') % 2:
+        elif number < len(lines) and joined.count('"""') % 2:
             joined += "\n"
         else:
             if bare := _COMMENT.sub(lambda match: match[1] or "", joined).strip():
@@ -136,6 +146,7 @@ class Interpreter:
         self._at_run = at_run
         self._tell = tell or (lambda _: None)
         self._exhausted = False
+        self._unfinished: set[tuple[str, int]] = set()  # lines whose "&" ends the file
         self._files: list[tuple[Path, Iterator[tuple[int, str]]]] = []
         self._open(deck)
 
@@ -159,15 +170,21 @@ class Interpreter:
         if path.exists() and not path.is_file():
             raise DeckError(f"{path}: is no file")
         try:
-            lines = iter(lines_of(path.read_text(encoding="utf-8", errors="replace")))
+            text = path.read_text(encoding="utf-8", errors="replace")
         except OSError as error:
             raise DeckError(f"{path}: cannot be read: {error.strerror}") from error
+        commands = lines_of(text)
+        if commands and text.rstrip().endswith("&"):
+            self._unfinished.add((path.name, commands[-1][0]))
+        lines = iter(commands)
         if label is not None and not any(split(text)[:2] == ("label", label) for _, text in lines):
             raise DeckError(f"{path.name}: there is no label {label!r} to jump to")
         self._files.append((path, lines))
 
     def _execute(self, file: str, line: int, text: str) -> None:
         where = f"{file}, line {line}"
+        if (file, line) in self._unfinished and text.endswith("&"):
+            raise DeckError(f"{where}: the file ends in '&' here, and LAMMPS refuses '{text}'; take out the '&'")
         if len(self.commands) > MOST_COMMANDS:
             raise DeckError(f"{where}: stopped after {MOST_COMMANDS} commands; is this a loop without an end?")
         words = split(self._asked(where, text, lambda: self.lmp.expand(text)))
@@ -189,10 +206,11 @@ class Interpreter:
                 self._asked(where, text, lambda: steering(command))
             except IndexError as error:
                 raise DeckError(f"{where}: '{command}' lacks a word") from error
-        elif words[0] == "minimize" or (words[0] == "run" and re.fullmatch(r"[-+]?\d+", " ".join(words[1:2]))):
+        elif words[0] == "minimize" or _RUN.fullmatch(" ".join(words)):
             self._asked(where, text, lambda: self._at_run(command, _steps(words)))
-        elif words[0] == "run":  # LAMMPS says what is wrong with it, and executes nothing that stands behind
-            self._asked(where, text, lambda: self.lmp.command(" ".join(words[:2])))
+        elif words[0] == "run":  # LAMMPS says what is wrong with it, and executes nothing
+            self._asked(where, text, lambda: self.lmp.command(text))
+            raise DeckError(f"{where}: '{command}' is a run that is not known here; take the line out of a copy")
         elif words[0] in _EXECUTED:
             self._asked(where, text, lambda: self.lmp.command(self._with_paths(text)))
         elif words[0] not in _WRITING:

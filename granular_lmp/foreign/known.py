@@ -1,14 +1,16 @@
 """The dumps of a foreign deck, with the units, spheres, laws and time step that the deck gives."""
 
 from collections.abc import Sequence
+from fnmatch import fnmatch
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.foreign.adopt_dump import Known
+from granular_lmp.foreign.between import changes
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.laws import Law, granular
-from granular_lmp.foreign.outside import outside_of
-from granular_lmp.foreign.reading import DUMPS, Reading
+from granular_lmp.foreign.outside import outside_of, recorded_by
+from granular_lmp.foreign.reading import DUMPS, Reading, Recorded, Stage
 
 
 def dumps_of(reading: Reading) -> list[Path]:
@@ -19,7 +21,9 @@ def dumps_of(reading: Reading) -> list[Path]:
     RunFolderError
         If the deck has no dump of spheres, or its files are not there.
     """
-    commands = [each for each in reading.dumps if each.words[3] in DUMPS]
+    recorded = reading.recorded
+    commands = recorded.dumps if recorded else []
+    commands = commands or [each for each in reading.dumps if each.words[3] in DUMPS]
     if not commands:
         raise RunFolderError(f"{reading.deck}: has no dump of style custom or atom; name its dumps behind it")
     first = commands[0]
@@ -30,38 +34,79 @@ def dumps_of(reading: Reading) -> list[Path]:
     return found
 
 
+def writers_of(reading: Reading, files: Sequence[str | Path]) -> list[Command]:
+    """Return the commands of the dumps of spheres that wrote some files, by their names, in the order of the deck.
+
+    Of several commands with one name the last counts, as LAMMPS overwrites the file; with ``append`` they all do.
+    """
+    found: list[Command] = []
+    appended = {each.words[1] for each in reading.named("dump_modify") if "append" in each.words}
+    commands = [each for each in reading.dumps if each.words[3] in DUMPS]
+    for file in files:
+        named = [each for each in commands if fnmatch(Path(file).name, Path(each.words[5]).name)]
+        found += named if any(each.words[1] in appended for each in named) else named[-1:]
+    return [each for each in commands if any(each is other for other in found)]
+
+
 def files_of(folder: Path, command: Command) -> list[Path]:
     """Return the files that a dump wrote, one for each step where its name holds an asterisk."""
     place = folder / command.words[5]
     return [path for path in sorted(place.parent.glob(place.name)) if path.is_file()]
 
 
-def known_of(reading: Reading, given: Known) -> tuple[Known, list[str]]:
-    """Return what a deck and its user know together, and remarks; what the user gives counts.
+def known_of(reading: Reading, given: Known, dumps: Sequence[str | Path] = ()) -> tuple[Known, list[str]]:
+    """Return what a deck and its user know together of some of its dumps, and remarks; what the user gives counts.
+
+    Without dumps they are those of `dumps_of`.
 
     Raises
     ------
     RunFolderError
         If LAMMPS refuses the deck before its first run.
     """
-    start = reading.start
-    if start is None or reading.spheres is None:
-        raise RunFolderError(reading.stopped or f"{reading.deck}: LAMMPS met no run in it")
-    others = {each.timestep for each in reading.stages if (each.steps or 0) > 1}
+    writers = writers_of(reading, dumps) or (reading.recorded.dumps if reading.recorded else [])
+    recorded = recorded_by(reading, writers)
+    if recorded is None:
+        short = "" if reading.spheres is None else f"{reading.deck}: LAMMPS met no run of several steps in it"
+        raise RunFolderError(reading.stopped or short or f"{reading.deck}: LAMMPS met no run in it")
+    stage = recorded.stage
     remarks = [f"{reading.deck}: {reading.stopped}"] if reading.stopped else []
-    if len(others) > 1 and given.timestep is None:
-        remarks.append(f"{reading.deck}: changes its time step; times are counted with {start.timestep:g}")
-    outside = outside_of(reading)
+    if len({each.timestep for each in reading.stages if each.long}) > 1 and given.timestep is None:
+        remarks.append(
+            f"{reading.deck}: changes its time step; times are counted with {stage.timestep:g}, that of line "
+            f"{stage.command.line}"
+        )
+    for command in changes(reading, writers, stage.command):
+        remarks.append(
+            f"{command.place}: '{command}' acts between frames of the dump, which then hold more than one motion"
+        )
     known = Known(
         given.units or reading.units,
-        given.timestep or (None if start.resets else start.timestep),  # with them the dumps must hold their times
+        given.timestep or (None if _unknown_step(reading, recorded) else stage.timestep),
         given.radius,
         given.density,
-        given.laws or reading.laws,
-        reading.spheres,
-        outside,
+        given.laws or recorded.laws,
+        recorded.spheres,
+        outside_of(reading, writers),
     )
     return known, remarks
+
+
+def _unknown_step(reading: Reading, recorded: Recorded) -> bool:
+    """Return whether ``fix dt/reset`` chose the time step of a run, or of an earlier one without ``timestep`` behind.
+
+    The dumps must then hold their times.
+    """
+    stage: Stage | None = None
+    for command in reading.commands:
+        at = next((each for each in reading.stages if each.command is command), None)
+        if command.name in ("timestep", "clear"):
+            stage = None
+        elif at is not None and at.resets:
+            stage = at
+        if command is recorded.stage.command:
+            return stage is not None
+    return False
 
 
 def law_of(text: str, types: int) -> dict[tuple[int, int], Law]:
@@ -78,6 +123,8 @@ def law_of(text: str, types: int) -> dict[tuple[int, int], Law]:
         law = granular(command, words) if words else None
     except ValueError as error:
         raise RunFolderError(f"law = {text!r}: {error}") from error
+    if law is not None and law.unread:
+        raise RunFolderError(f"law = {text!r}: {law.unread} is not read; the witness knows no such contacts")
     if law is None:
         raise RunFolderError(f"law = {text!r}: must be as in pair_coeff, for instance 'hertz/material 2e11 0 0.3'")
     return {(i, j): law for j in range(1, types + 1) for i in range(1, j + 1)}

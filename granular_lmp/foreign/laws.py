@@ -7,9 +7,9 @@ of the deck.
 https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/pair_gran.html
 """
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from math import sqrt
 from typing import Any
 
@@ -39,7 +39,10 @@ _TANGENTIAL = {
     ),
 }
 _DAMPING = ("velocity", "mass_velocity", "viscoelastic", "tsuji", "coeff_restitution")
-_READ = {*_NORMAL, *_TANGENTIAL, *_DAMPING, "tangential", "damping", "rolling", "twisting", "none", "NULL"}
+_OF_TANGENTIAL = ("tangential", "shear_stiffness", "shear_damping", "friction")
+_PARTS = ("tangential", "damping", "rolling", "twisting", "heat")  # keywords that a name of a sub-model follows
+PLANES = ("xplane", "yplane", "zplane")
+_SURFACES = (*PLANES, "zcylinder", "region")  # words of fix wall/gran that end its law
 CLASSIC = ("gran/hooke", "gran/hooke/history", "gran/hertz/history")
 MATERIAL = ("hertz/material", "dmt", "jkr")
 
@@ -58,6 +61,7 @@ class Law:
     shear_stiffness : as it stands; None if it is NULL.
     shear_damping, friction : of the tangential law.
     mixed : whether LAMMPS mixes it from the laws of the two types.
+    unread : the first option that no part of this package computes, as "rolling sds"; "" if there is none.
     shear_share : shear stiffness over that of contact mechanics, for a mixed law.
     """
 
@@ -74,6 +78,7 @@ class Law:
     shear_damping: float = 0.0
     friction: float = 0.0
     mixed: bool = False
+    unread: str = ""
     shear_share: float = 1.0
     modulus: float = 0.0  # E*, where the law is mixed
     shear_modulus: float = 0.0  # G*, where the law is mixed
@@ -146,6 +151,8 @@ class Law:
             "shear_damping": self.shear_damping,
             "friction": self.friction,
             "mixed": self.mixed,
+            "line": f"{self.command.place}: '{self.command}'",
+            "unread": self.unread,
             "damping_law": self.damping_law,
             "damping": self.damping,
             "viscosity": units.si(self.damping, mass=1, time=-1),
@@ -175,10 +182,16 @@ def laws_of(commands: Sequence[Command], types: int) -> dict[tuple[int, int], La
     if style.words[1] in CLASSIC:
         return dict.fromkeys(pairs, _classic(style))
     found: dict[tuple[int, int], Law] = {}
+    labels = _labels(commands)
     for command in commands[commands.index(style) :] if style.words[1] == "granular" else ():
-        if command.name == "pair_coeff" and (law := granular(command, command.words[3:])):
-            one, other = (_types(word, types) for word in command.words[1:3])
-            found |= {(i, j): law for i, j in pairs if (i in one and j in other) or (j in one and i in other)}
+        if command.name != "pair_coeff":
+            continue
+        chosen = _chosen(command.words[1:3], types, labels)
+        law = granular(command, command.words[3:])
+        if chosen is None or law is None:
+            return {}
+        cutoff = str(style) if len(style.words) > 2 else ""
+        found |= dict.fromkeys(chosen, replace(law, unread=law.unread or cutoff))
     for i, j in pairs:
         if (i, j) not in found and {(i, i), (j, j)} <= found.keys():
             found[i, j] = _mixed(found[i, i], found[j, j])
@@ -186,28 +199,38 @@ def laws_of(commands: Sequence[Command], types: int) -> dict[tuple[int, int], La
 
 
 def granular(command: Command, words: Sequence[str]) -> Law | None:
-    """Return the law that the words of ``pair_coeff`` or ``fix wall/gran granular`` give, or None if it is unknown."""
-    if words[0] not in _NORMAL:
+    """Return the law that the words of ``pair_coeff`` or ``fix wall/gran granular`` give; None if it is unknown.
+
+    Words are taken in their order as LAMMPS takes them: of two ``tangential`` or ``damping`` the last one holds. Of a
+    law with an option that is not known, `Law.unread` names the option.
+    """
+    if not words or words[0] not in _NORMAL:
         return None
     values: dict[str, Any] = _numbers(_NORMAL[words[0]], words[1:])
-    for keyword, style, *rest in zip(words, words[1:], *(words[n:] for n in (2, 3, 4)), strict=False):
+    left = list(words[1 + len(_NORMAL[words[0]]) :])
+    while left:
+        keyword, style = left[0], "".join(left[1:2])
         if keyword == "tangential" and style in _TANGENTIAL:
-            values |= {"tangential": style} | _numbers(_TANGENTIAL[style], rest)
-    if "tangential" in words and "tangential" not in values:  # at the end of the line, with fewer than three numbers
-        place = list(words).index("tangential")
-        style = words[place + 1]
-        values |= {"tangential": style} | _numbers(_TANGENTIAL.get(style, ()), words[place + 2 :])
-    if "damping" in words:
-        values["damping_law"] = words[list(words).index("damping") + 1]
+            names = _TANGENTIAL[style]
+            values = {name: value for name, value in values.items() if name not in _OF_TANGENTIAL}
+            values |= {"tangential": style} | _numbers(names, left[2:])
+            left = left[2 + len(names) :]
+        elif keyword == "damping" and style in _DAMPING:
+            values["damping_law"] = style
+            left = left[2:]
+        elif keyword in ("rolling", "twisting", "heat") and style == "none":
+            left = left[2:]
+        else:
+            values["unread"] = f"{keyword} {style}".strip() if keyword in _PARTS else keyword
+            break
     return Law(command, words[0], **values)
 
 
-def unread(words: Sequence[str]) -> str | None:
-    """Return a word of a law that `granular` does not read: rolling or twisting, or an option; None if all are."""
-    for part, style in pairwise(words):
-        if part in ("rolling", "twisting") and style != "none":
-            return part
-    return next((word for word in words if word not in _READ and not is_number(word)), None)
+def law_of_wall(fix: Command) -> tuple[Law | None, tuple[str, ...]]:
+    """Return the law of ``fix wall/gran granular``, None if it is unknown, and the words behind it: the surface."""
+    words = fix.words[5:]
+    end = next((n for n, word in enumerate(words) if word in _SURFACES), len(words))
+    return granular(fix, words[:end]) if fix.words[3:5] == ("wall/gran", "granular") else None, words[end:]
 
 
 def is_number(word: str) -> bool:
@@ -225,6 +248,7 @@ def _numbers(names: Iterable[str], words: Sequence[str]) -> dict[str, float | No
 
 def _classic(style: Command) -> Law:
     stiffness, shear, damping, shear_damping, friction, flag = style.words[2:8]
+    unread = " ".join(style.words[8:])
     normal = float(stiffness)
     return Law(
         style,
@@ -236,13 +260,37 @@ def _classic(style: Command) -> Law:
         shear_stiffness=2 / 7 * normal if shear == "NULL" else float(shear),
         shear_damping=(float(damping) / 2 if shear_damping == "NULL" else float(shear_damping)) * (flag != "0"),
         friction=float(friction),
+        unread=unread,
     )
+
+
+def _labels(commands: Sequence[Command]) -> dict[str, int]:
+    """Return the types of spheres that ``labelmap`` names."""
+    found: dict[str, int] = {}
+    for command in commands:
+        if command.name == "labelmap" and command.words[1] == "atom":
+            found |= {
+                label: int(number) for number, label in zip(command.words[2::2], command.words[3::2], strict=True)
+            }
+    return found
+
+
+def _chosen(words: Sequence[str], types: int, labels: Mapping[str, int]) -> list[tuple[int, int]] | None:
+    """Return the pairs of types that two words of ``pair_coeff`` choose; None if a label is not known.
+
+    LAMMPS puts two single types in order. With an asterisk it takes only pairs whose first type is in the first range
+    and is not the larger one.
+    """
+    if any(not re.fullmatch(r"\d*\*?\d*", word) and word not in labels for word in words):
+        return None
+    one, other = (_types(str(labels.get(word, word)), types) for word in words)
+    if len(one) == len(other) == 1:
+        one, other = sorted((one, other), key=min)
+    return [(i, j) for i in one for j in other if i <= j]
 
 
 def _types(word: str, types: int) -> range:
     low, star, high = word.partition("*")
-    if not (low + high).isdecimal() and word != "*":  # labels of types are not resolved
-        return range(0)
     first = int(low or 1)
     return range(first, int(high or types) + 1) if star else range(first, first + 1)
 
@@ -252,8 +300,15 @@ def _mixed(one: Law, other: Law) -> Law:
 
     With the stiffness NULL LAMMPS puts the mixed E* and √(ν1 ν2) in place of the material of either sphere.
     """
+    same: dict[str, Any] = {
+        "mixed": True,
+        "unread": one.unread or other.unread,
+        "damping": sqrt(max(one.damping * other.damping, 0.0)),
+        "shear_damping": sqrt(max(one.shear_damping * other.shear_damping, 0.0)),
+        "friction": sqrt(max(one.friction * other.friction, 0.0)),
+    }
     if one.normal not in MATERIAL:
-        return replace(one, stiffness=sqrt(one.stiffness * other.stiffness), mixed=True)
+        return replace(one, stiffness=sqrt(one.stiffness * other.stiffness), **same)
     (e, g), (e2, g2) = one.effective(), other.effective()
     modulus, shear = 2 * e * e2 / (e + e2), 2 * g * g2 / (g + g2)
     poisson = sqrt(max(one.poisson * other.poisson, 0.0))
@@ -261,7 +316,7 @@ def _mixed(one: Law, other: Law) -> Law:
     null = one.shear_stiffness is None and other.shear_stiffness is None
     return replace(
         one,
-        mixed=True,
+        **same,
         gamma=sqrt(max(one.gamma * other.gamma, 0.0)),
         poisson=poisson,
         modulus=modulus,

@@ -3,7 +3,7 @@
 A fix that is known neither here nor as harmless is kept by its line, and no witness is made of its deck.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from math import cos, radians, sin
 from typing import Any
@@ -11,29 +11,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.foreign.between import acts, changes, unsure_groups
 from granular_lmp.foreign.interpreter import Command
-from granular_lmp.foreign.laws import Law, granular, is_number, unread
+from granular_lmp.foreign.laws import PLANES, Law, is_number, law_of_wall
 from granular_lmp.foreign.reading import Reading, Recorded
 from granular_lmp.frozen import dataclass
 from granular_lmp.units import Units
 
 Vector = tuple[float, float, float]
 
-# Beginnings of the styles of fixes that push no sphere; the times of dt/reset must be in the dump
-_HARMLESS = (
-    *("enforce2d", "property/atom", "store", "print", "ave", "halt", "balance", "vector", "neigh/history"),
-    "dt/reset",
+# Commands whose effect is in what was read: spheres, box, laws, fixes, and the order of commands
+UNDERSTOOD = (
+    *("atom_modify", "atom_style", "boundary", "change_box", "comm_modify", "comm_style", "compute", "create_atoms"),
+    *("create_box", "delete_atoms", "dimension", "displace_atoms", "fix", "group", "lattice", "mass", "neigh_modify"),
+    *("neighbor", "newton", "package", "pair_coeff", "pair_style", "processors", "read_data", "region", "replicate"),
+    *("reset_atoms", "reset_timestep", "run", "set", "suffix", "timestep", "uncompute", "unfix", "units", "variable"),
+    *("velocity", "clear", "include", "jump", "label", "next", "if", "quit", "print", "log", "echo", "info", "restart"),
+    *("timer", "dump", "dump_modify", "undump", "thermo", "thermo_style", "thermo_modify", "balance", "compute_modify"),
+    *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
 )
-# Commands between two runs of one dump that change what its spheres do next
-_CHANGING = (
-    *("velocity", "set", "displace_atoms", "delete_atoms", "create_atoms", "change_box", "pair_style", "pair_coeff"),
-    *("timestep", "minimize"),
-)
+# Commands behind which spheres go on from a state that the dump holds
+_OF_STATE = ("read_restart", "read_dump", "rerun", "molecule", "labelmap", "group2ndx", "box", "fix_modify")
 # Spacings of lattices along x, y and z over their scale, without options
 _SPACINGS = dict.fromkeys(("none", "sq", "sq2", "sc", "bcc", "fcc", "diamond"), (1.0, 1.0, 1.0)) | {
     "hex": (1.0, 3**0.5, 1.0),
     "hcp": (1.0, 3**0.5, (8 / 3) ** 0.5),
 }
+_INTEGRATORS = ("nve", "nve/sphere", "nve/noforce", "move")
 _FLAT = 1e-9  # of the radius: places of spheres in one plane differ by less
 
 
@@ -75,6 +79,7 @@ class Outside:
     rotation : whether forces turn the free spheres.
     discs : whether these have the moment of inertia of a disc.
     others : lines of the deck that act, and that no witness knows.
+    unsure : sentences on lines whose effect depends on runs that were not executed.
     """
 
     begin: int | None = None
@@ -89,6 +94,7 @@ class Outside:
     rotation: bool = True
     discs: bool = False
     others: tuple[str, ...] = ()
+    unsure: tuple[str, ...] = ()
 
     def in_si(self, units: Units) -> dict[str, Any]:
         """Return what ``run.json`` says of `Outside`, in SI units (of units lj in these)."""
@@ -120,17 +126,19 @@ class Outside:
             "rotation": self.rotation,
             "discs": self.discs,
             "others": [*self.others],
+            "unsure": [*self.unsure],
         }
 
 
-def outside_of(reading: Reading) -> Outside:
-    """Return what acts on the spheres of a deck while it writes its first dump."""
-    recorded, spheres = reading.recorded, reading.spheres
-    if recorded is None or spheres is None:
+def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outside:
+    """Return what acts on the spheres of a deck while it writes some of its dumps; else those of `Reading.recorded`."""
+    recorded = reading.recorded if dumps is None else recorded_by(reading, dumps)
+    if recorded is None:
         return Outside()
-    found = _Found(reading, recorded)
+    spheres, found = recorded.spheres, _Found(reading, recorded)
     for fix in recorded.stage.fixes:
         found.take(fix)
+    found.end()
     free = found.moves & ~found.held
     turning = [fix for fix in recorded.stage.fixes if fix.words[3] in ("nve", "nve/sphere")]
     some = free.any() and found.turns[free].any()
@@ -139,6 +147,7 @@ def outside_of(reading: Reading) -> Outside:
         found.others += map(str, turning)
     if (found.held & ~found.frozen & found.moves & found.turns).any() and found.sheared:
         found.others += [str(fix) for fix in recorded.stage.fixes if _stops(fix)]
+    changed = map(str, changes(reading, recorded.dumps if dumps is None else dumps, recorded.stage.command))
     return Outside(
         begin=recorded.begin,
         history=recorded.history,
@@ -153,19 +162,28 @@ def outside_of(reading: Reading) -> Outside:
         motions=tuple(found.motions),
         rotation=bool(some) or not free.any(),
         discs=bool(discs),
-        others=tuple(dict.fromkeys((*found.others, *_later(reading, recorded)))),
+        others=tuple(dict.fromkeys((*found.others, *_unlike_contacts(reading, recorded, found.held), *changed))),
+        unsure=tuple(_unsure(reading, recorded)),
     )
+
+
+def recorded_by(reading: Reading, dumps: Sequence[Command]) -> Recorded | None:
+    """Return the first long run in which one of some dumps is on; else `Reading.recorded`."""
+    chosen = {id(each) for each in dumps}
+    return next((each for each in reading.records if chosen & {*map(id, each.dumps)}), reading.recorded)
 
 
 class _Found:
     """Actions of the fixes of a run, collected one after the other; arrays have a value for each sphere read."""
 
     def __init__(self, reading: Reading, recorded: Recorded) -> None:
-        assert reading.spheres is not None
-        self.reading, self.recorded, self.spheres = reading, recorded, reading.spheres
+        self.reading, self.recorded, self.spheres = reading, recorded, recorded.spheres
         count = len(self.spheres.id)
         self.moves, self.turns, self.discs, self.held, self.frozen, self.moved = np.zeros((6, count), dtype=bool)
         self.pushes = np.zeros((count, 3))
+        self.integrators = np.zeros(count, dtype=int)
+        self.stopped = np.zeros((count, 3), dtype=bool)  # axes along which a fix so far takes the forces
+        self.late: list[tuple[Command, NDArray[np.bool_]]] = []  # fixes that push behind it, and the spheres (N,)
         self.walls: list[Wall] = []
         self.motions: list[Motion] = []
         self.others: list[str] = []
@@ -174,6 +192,7 @@ class _Found:
         """Add what a fix does."""
         style, words = fix.words[3], fix.words[4:]
         members = np.isin(self.spheres.id, self.recorded.members[fix])
+        self.integrators += members & (style in _INTEGRATORS)
         if style in ("nve", "nve/sphere"):
             self.moves |= members
             self.turns |= members & (style == "nve/sphere")
@@ -181,21 +200,39 @@ class _Found:
         elif style in ("freeze", "nve/noforce"):
             self.held |= members
             self.frozen |= members & (style == "freeze")
+            self.stopped[members & (style == "freeze")] = True
         elif style == "setforce" and _zeros(words) is not None:
             self._stop(fix, members)
         elif style == "move" and self._moves(fix, members):
             self.moved |= members
         elif style in ("addforce", "gravity") and (force := self._force(style, words)) is not None:
             self.pushes[members] += force[members]
+            self.late.append((fix, members & (self.stopped & (force != 0)).any(axis=1)))
         elif style == "wall/gran" and (walls := self._walls(fix, members)):
             self.walls += walls
-        elif not style.startswith(_HARMLESS):
+            self.late += [(fix, self.stopped.any(axis=1) & self._touches(wall)) for wall in walls]
+        elif acts(fix):
             self.others.append(str(fix))
+
+    def end(self) -> None:
+        """Add fixes that move a sphere twice, and fixes that push a sphere whose forces an earlier fix takes."""
+        pushed = [fix for fix, spheres in self.late if (spheres & self.moves).any()]
+        twice = self.spheres.id[self.integrators > 1]
+        moving = [fix for fix in self.recorded.stage.fixes if fix.words[3] in _INTEGRATORS]
+        both = [fix for fix in moving if np.isin(twice, self.recorded.members[fix]).any()]
+        self.others += map(str, (*pushed, *both))
+
+    def _touches(self, wall: Wall) -> NDArray[np.bool_]:
+        """Return which spheres touch a plane at the beginning."""
+        away = wall.side * (wall.place - self.spheres.position[:, wall.axis])
+        return np.asarray(away < self.spheres.radius)
 
     def _stop(self, fix: Command, members: NDArray[np.bool_]) -> None:
         """Add ``setforce``: of no force at all, or of none along axes across which the crystal is symmetric."""
         stopped = _zeros(fix.words[4:])
         assert stopped is not None
+        self.stopped[members] |= stopped
+        self.pushes[members] *= ~stopped
         if stopped.all():
             self.held |= members
         elif not self._flat[stopped].all():
@@ -210,7 +247,7 @@ class _Found:
     @property
     def sheared(self) -> bool:
         """Whether contacts may turn spheres, which those of a line that moves along itself do not."""
-        laws, flat = [*self.reading.laws.values(), *(wall.law for wall in self.walls)], self._flat
+        laws, flat = [*self.recorded.laws.values(), *(wall.law for wall in self.walls)], self._flat
         pushed = self.walls or self.pushes[:, flat].any() or self.spheres.spin.any()
         return any(law.friction for law in laws) and bool(flat.sum() < 2 or pushed)
 
@@ -263,14 +300,13 @@ class _Found:
 
     def _walls(self, fix: Command, members: NDArray[np.bool_]) -> list[Wall]:
         """Return the planes of ``fix wall/gran granular`` with all spheres; none if it is another wall."""
-        words = fix.words
-        place = next((n for n, word in enumerate(words) if word in ("xplane", "yplane", "zplane")), len(words))
-        ends, said = words[place + 1 : place + 3], words[5:place]
-        law = granular(fix, said) if words[4] == "granular" and not unread(said) else None
-        if law is None or len(ends) < 2 or {*words[place + 3 :]} - {"contacts"} or not members.all():
+        law, surface = law_of_wall(fix)
+        plane, *ends = surface[:3] or ("",)
+        known = law is not None and not law.unread and plane in PLANES and not {*surface[3:]} - {"contacts"}
+        if law is None or not known or len(ends) < 2 or not members.all():
             return []
         return [
-            Wall("xyz".index(words[place][0]), side, float(end), law)
+            Wall(PLANES.index(plane), side, float(end), law)
             for side, end in zip((-1, 1), ends, strict=True)
             if end != "NULL"
         ]
@@ -318,24 +354,32 @@ def _stops(fix: Command) -> bool:
     return fix.words[3] == "setforce" and (stopped := _zeros(fix.words[4:])) is not None and bool(stopped.all())
 
 
-def _later(reading: Reading, recorded: Recorded) -> Iterator[str]:
-    """Yield commands in and between the runs that write the dump, after which spheres no longer do what they did."""
-    commands = reading.commands
-    runs = [n for n, each in enumerate(commands) if any(each is stage.command for stage in reading.stages)]
-    for command in commands[_place(reading, recorded.stage.command) : runs[-1] + 1]:
-        if command.name in ("undump", "clear"):
-            return
-        if command.name == "run" and "every" in command.words:  # commands after each part of the run
-            if {*command.words[command.words.index("every") + 2 :]} - {"NULL"}:
-                yield str(command)
+def _unlike_contacts(reading: Reading, recorded: Recorded, held: NDArray[np.bool_]) -> Iterator[str]:
+    """Yield commands before a run with an effect that is not in spheres, laws and fixes, as bonds.
+
+    Pairs of held spheres may be kept out of the lists of neighbours, as nothing moves these.
+    """
+    resting = recorded.spheres.id[held]
+    for command in reading.commands[: _place(reading, recorded.stage.command)]:
+        excludes = command in recorded.members and command.name == "neigh_modify"
+        if command.name == "run_style" and command.words[1] == "verlet":
             continue
-        if command is commands[runs[-1]]:
-            return
-        fixes = [each for each in commands if each.name == "fix" and each.words[1:2] == command.words[1:2]]
-        fix = fixes[-1] if command.name == "unfix" else command
-        acts = fix.name == "fix" and not fix.words[3].startswith(_HARMLESS)
-        if command.name in _CHANGING or acts:
+        if command.name not in (*UNDERSTOOD, *_OF_STATE) or (
+            excludes and "none" not in command.words and not np.isin(recorded.members[command], resting).all()
+        ):
             yield str(command)
+
+
+def _unsure(reading: Reading, recorded: Recorded) -> Iterator[str]:
+    """Yield sentences on fixes whose spheres depend on runs that are not executed here."""
+    groups = unsure_groups(reading, recorded)
+    for fix in recorded.stage.fixes:
+        if fix.words[2] in groups and acts(fix):
+            by = groups[fix.words[2]]
+            yield (
+                f"{fix.place}: '{fix}' acts on spheres that the line {by.place} chooses, '{by}'; which these are "
+                "depends on runs that are not executed here"
+            )
 
 
 def _forgotten(reading: Reading, recorded: Recorded) -> int | None:

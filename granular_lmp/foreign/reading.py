@@ -25,7 +25,7 @@ Integers = NDArray[np.int64]
 
 _PAIRS = "compute granular_lmp_{} all {} cutoff type"
 _WRITTEN = re.compile(r"write_data.*timestep = ([1-9]\d*)")
-_OF_A_DUMP = 6  # words
+_FEWEST = {"fix": 4, "dump": 6}  # words of a command that is whole
 DUMPS = ("custom", "custom/gz", "custom/mpiio", "atom", "atom/gz")  # styles of dumps of spheres
 _LOCAL, _ARRAY, _ATOM = 2, 2, 1  # LMP_STYLE_LOCAL, LMP_TYPE_ARRAY, LMP_VAR_ATOM
 
@@ -39,7 +39,7 @@ class Stage:
     command : where it stands.
     steps : number of steps; None of a minimization.
     timestep : in units of the deck.
-    fixes : those at work.
+    fixes, dumps : the commands of those at work.
     exact : whether the spheres are where they would be: no run of several steps came before.
     """
 
@@ -47,7 +47,13 @@ class Stage:
     steps: int | None
     timestep: float
     fixes: tuple[Command, ...]
+    dumps: tuple[Command, ...]
     exact: bool
+
+    @property
+    def long(self) -> bool:
+        """Return whether it is a run of several steps, which is not executed here."""
+        return self.steps is not None and self.steps > 1
 
     @property
     def resets(self) -> list[Command]:
@@ -106,24 +112,31 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """The first run that writes a dump of spheres; the first long run if none does.
+    """The first long run in which some dumps of spheres are on; the first long run of all, if none is on in it.
 
     Attributes
     ----------
     stage : the run.
-    dumped : whether it writes a dump.
-    begin : number of its first step; None after a minimization, whose steps are not known.
+    begin : number of its first step; None if earlier runs may have ended at any step.
     history : whether steps were taken before, or a restart file was read, so that contacts may hold slip.
     unturned : whether it is known that no sphere turns at its beginning.
-    members : numbers (``id``) of the spheres of each fix.
+    spheres : at its beginning; places and velocities are those before the earlier runs, which are not executed here.
+    laws : law of each pair of types, the lower one first; empty where it is not known.
+    members : numbers (``id``) of the spheres of each fix, and of the groups that ``neigh_modify exclude`` names.
     """
 
     stage: Stage
-    dumped: bool
     begin: int | None
     history: bool
     unturned: bool
+    spheres: Spheres
+    laws: Mapping[tuple[int, int], Law]
     members: Mapping[Command, Integers]
+
+    @property
+    def dumps(self) -> list[Command]:
+        """Return the dumps of spheres that it writes."""
+        return _of_spheres(self.stage.dumps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +152,11 @@ class Reading:
     data_heads : first line of each data file, by the command that reads it.
     units, dimension, periodic, low, high, tilt : units, dimensions, and the box; its tilt is xy, yz, xz.
     laws : law of each pair of types, the lower one first; empty where it is not known.
-    spheres, pairs : at the beginning of the first long run; None if the deck did not come so far, or has none then.
-    recorded : the run that writes the first dump; None if there is no long one.
+    spheres, pairs : of the same moment; None if the deck did not come so far, or has no spheres then.
+    records : the long runs in which other dumps of spheres are on than in the record before.
+
+    Units, box, laws, spheres and pairs are those at the beginning of the first long run, or else of the last run; box
+    and laws are those at the end of a deck without runs.
     """
 
     deck: str
@@ -157,7 +173,7 @@ class Reading:
     laws: Mapping[tuple[int, int], Law]
     spheres: Spheres | None
     pairs: Pairs | None
-    recorded: Recorded | None
+    records: tuple[Recorded, ...]
 
     def named(self, *names: str) -> list[Command]:
         """Return the commands with one of these names."""
@@ -166,7 +182,7 @@ class Reading:
     @property
     def dumps(self) -> list[Command]:
         """Return the commands of dumps that are whole; LAMMPS does not execute them here, and refuses no other."""
-        return [command for command in self.named("dump") if len(command.words) >= _OF_A_DUMP]
+        return [command for command in self.named("dump") if len(command.words) >= _FEWEST["dump"]]
 
     @property
     def data_steps(self) -> dict[Command, int]:
@@ -180,10 +196,15 @@ class Reading:
         styles = self.named("pair_style")
         return not styles or any(word.startswith("gran") for word in styles[-1].words[1:])
 
+    @property
+    def recorded(self) -> Recorded | None:
+        """Return the first run that writes a dump of spheres; the first long run if none does, None without any."""
+        return next((each for each in self.records if each.dumps), self.records[0] if self.records else None)
+
     @cached_property
     def fastest(self) -> Stage | None:
         """The run of several steps with the longest time step; else `start`."""
-        long = [stage for stage in self.stages if stage.steps is not None and stage.steps > 1]
+        long = [stage for stage in self.stages if stage.long]
         return max(long, key=lambda stage: stage.timestep, default=self.start)
 
     @cached_property
@@ -205,7 +226,7 @@ class Reading:
 
 def start_of(stages: Sequence[Stage]) -> Stage | None:
     """Return the first run of several steps; else the last of all, or None."""
-    long = (stage for stage in stages if stage.steps is not None and stage.steps > 1)
+    long = (stage for stage in stages if stage.long)
     return next(long, stages[-1] if stages else None)
 
 
@@ -244,8 +265,9 @@ def read(
 
 def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Reading:
     stages: list[Stage] = []
-    found: dict[str, Any] = {"spheres": None, "pairs": None, "recorded": None}
-    deck = Interpreter(lmp, path, lambda command, steps: _run(deck, command, steps, stages, found), tell)
+    found: dict[str, Any] = {"spheres": None, "pairs": None}
+    records: list[Recorded] = []
+    deck = Interpreter(lmp, path, lambda command, steps: _run(deck, command, steps, stages, found, records), tell)
     stopped = ""
     try:
         deck.read()
@@ -253,7 +275,8 @@ def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Rea
         stopped = str(error)
         if not deck.commands:
             raise
-    box = lmp.extract_box() if lmp.extract_setting("box_exist") else ((0.0,) * 3, (0.0,) * 3, 0, 0, 0, (0,) * 3, 0)
+    if "units" not in found:
+        found |= _system(lmp, deck.commands[: -1 if stopped else None])
     return Reading(
         deck=str(path),
         commands=tuple(deck.commands),
@@ -262,15 +285,23 @@ def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Rea
         data_heads={
             command: _head(path.parent / command.words[1]) for command in deck.commands if _reads_data(command)
         },
-        units=str(lmp.extract_global("units")),
-        dimension=int(lmp.extract_setting("dimension")),
-        periodic=(bool(box[5][0]), bool(box[5][1]), bool(box[5][2])),
-        low=tuple(box[0]),
-        high=tuple(box[1]),
-        tilt=(float(box[2]), float(box[3]), float(box[4])),
-        laws=laws_of(deck.commands[: -1 if stopped else None], int(lmp.extract_setting("ntypes"))),
+        records=tuple(records),
         **found,
     )
+
+
+def _system(lmp: Any, commands: Sequence[Command]) -> dict[str, Any]:
+    """Return units, box and laws as they are now."""
+    box = lmp.extract_box() if lmp.extract_setting("box_exist") else ((0.0,) * 3, (0.0,) * 3, 0, 0, 0, (0,) * 3, 0)
+    return {
+        "units": str(lmp.extract_global("units")),
+        "dimension": int(lmp.extract_setting("dimension")),
+        "periodic": (bool(box[5][0]), bool(box[5][1]), bool(box[5][2])),
+        "low": tuple(box[0]),
+        "high": tuple(box[1]),
+        "tilt": (float(box[2]), float(box[3]), float(box[4])),
+        "laws": laws_of(commands, int(lmp.extract_setting("ntypes"))),
+    }
 
 
 def _reads_data(command: Command) -> bool:
@@ -285,36 +316,37 @@ def _head(path: Path) -> str:
         return ""
 
 
-def _run(deck: Interpreter, command: Command, steps: int | None, stages: list[Stage], found: dict[str, Any]) -> None:
+def _run(
+    deck: Interpreter,
+    command: Command,
+    steps: int | None,
+    stages: list[Stage],
+    found: dict[str, Any],
+    records: list[Recorded],
+) -> None:
     """Note a stage, and let LAMMPS do a run of one step, or the forces of the first step of a longer one."""
     lmp = deck.lmp
-    fixes: dict[str, Command] = {}
-    for each in deck.commands:
-        if each.name == "fix":
-            fixes[each.words[1]] = each
-        elif each.name == "unfix":
-            fixes.pop(each.words[1], None)
-        elif each.name == "clear":
-            fixes.clear()
+    fixes, dumps = at_work(deck.commands, "fix"), at_work(deck.commands, "dump")
     begin = _begin(deck, stages)
     if steps is not None and "upto" in command.words[2:]:
         steps = max(0, steps - (begin or 0))
-    exact = all(stage.steps is not None and stage.steps <= 1 for stage in stages)
-    stages.append(Stage(command, steps, float(lmp.extract_global("dt")), tuple(fixes.values()), exact))
+    exact = all(stage.steps is not None and not stage.long for stage in stages)
+    stages.append(Stage(command, steps, float(lmp.extract_global("dt")), fixes, dumps, exact))
     if lmp.extract_setting("box_exist") and lmp.get_natoms():
-        _record(deck, stages, begin, found)
+        _record(deck, stages, begin, records)
     short = steps is not None and steps <= 1
     if start_of(stages) is not stages[-1]:
         lmp.command(f"run {steps if short else 0} post no")
         return
-    local = ("property/local patom1 patom2", "pair/local dist dx dy dz fx fy fz")
+    local = ("property/local patom1 patom2", "pair/local dist dx dy dz fx fy fz") if _has_pairs(deck.commands) else ()
     names = [f"granular_lmp_{n}" for n in range(len(local))]
     for n, words in enumerate(local):
         lmp.command(_PAIRS.format(n, words))
     lmp.command("run 0 post no")
+    found |= _system(lmp, deck.commands)
     if lmp.get_natoms():
-        found["spheres"] = spheres = _spheres(lmp, tuple(fixes.values()))
-        ends, between = (np.array(_local(lmp, name)) for name in names)
+        found["spheres"] = spheres = _spheres(lmp, fixes)
+        ends, between = [np.array(_local(lmp, name)) for name in names] or [np.zeros((0, 2)), np.zeros((0, 7))]
         found["pairs"] = _pairs(spheres, ends, between)
     for name in names:
         lmp.command(f"uncompute {name}")
@@ -322,37 +354,80 @@ def _run(deck: Interpreter, command: Command, steps: int | None, stages: list[St
         lmp.command(f"run {steps} post no")
 
 
+def _has_pairs(commands: Sequence[Command]) -> bool:
+    """Return whether a pair style is on, as LAMMPS refuses to compute pairs without one."""
+    given = [each for each in commands if each.name in ("pair_style", "read_restart", "clear")]
+    return bool(given) and given[-1].name != "clear" and given[-1].words[1:2] != ("none",)
+
+
+def at_work(commands: Sequence[Command], kind: str) -> tuple[Command, ...]:
+    """Return the commands of the fixes or dumps that are at work behind some commands, in the order of LAMMPS.
+
+    A fix that is given again keeps its place.
+    """
+    found: dict[str, Command] = {}
+    for each in commands:
+        if each.name == kind and len(each.words) >= _FEWEST[kind]:
+            found[each.words[1]] = each
+        elif each.name == f"un{kind}":
+            found.pop("".join(each.words[1:2]), None)
+        elif each.name == "clear":
+            found.clear()
+    return tuple(found.values())
+
+
 def _begin(deck: Interpreter, stages: list[Stage]) -> int | None:
-    """Return the step at which a run begins, with those of earlier runs that were not taken here."""
+    """Return the step at which a run begins, with the steps of earlier runs that were not taken here.
+
+    It is None after a minimization, and after a run that ``fix halt`` may have ended.
+    """
     step = int(deck.lmp.extract_global("ntimestep"))
     runs = {id(stage.command): stage for stage in stages}
     for command in reversed(deck.commands):
         if command.name in ("reset_timestep", "clear"):
             break
         stage = runs.get(id(command))
-        if stage is not None and stage.steps is None:
+        if stage is None:
+            continue
+        if stage.steps is None or (stage.long and any(fix.words[3] == "halt" for fix in stage.fixes)):
             return None
-        step += stage.steps if stage is not None and stage.steps and stage.steps > 1 else 0
+        step += stage.steps if stage.long else 0
     return step
 
 
-def _record(deck: Interpreter, stages: list[Stage], begin: int | None, found: dict[str, Any]) -> None:
-    """Note what acts in the first long run that writes a dump of spheres, or in the first long one before that."""
-    stage, known = stages[-1], found["recorded"]
-    dumped = any(each.name == "dump" and each.words[3:4] and each.words[3] in DUMPS for each in deck.commands)
-    if (stage.steps or 0) <= 1 or (known is not None and (known.dumped or not dumped)):
+def _record(deck: Interpreter, stages: list[Stage], begin: int | None, records: list[Recorded]) -> None:
+    """Note what acts in a long run, if other dumps of spheres are on than in the record before."""
+    stage = stages[-1]
+    dumps = _of_spheres(stage.dumps)
+    if not stage.long or (records and (not dumps or [*map(id, dumps)] == [*map(id, records[-1].dumps)])):
         return
-    lmp, count = deck.lmp, int(deck.lmp.extract_setting("nlocal"))
-    numbers, spins = np.array(lmp.numpy.extract_atom("id"))[:count].astype(np.int64), lmp.numpy.extract_atom("omega")
-    before = [stage for stage in stages[:-1] if stage.steps != 0]
-    found["recorded"] = Recorded(
-        stage,
-        dumped,
-        begin,
-        history=bool(before) or any(each.name == "read_restart" for each in deck.commands),
-        unturned=stage.exact and (spins is None or not np.any(spins[:count])),
-        members={fix: numbers[_members(lmp, fix.words[2])] for fix in stage.fixes},
+    lmp, spheres = deck.lmp, _spheres(deck.lmp, stage.fixes)
+    members = {fix: spheres.id[_members(lmp, fix.words[2])] for fix in stage.fixes}
+    for each in excluding(deck.commands):
+        style, *groups = each.words[each.words.index("exclude") + 1 :]
+        both = [_members(lmp, group) for group in groups[:2]] if style == "group" else [spheres.id > 0]
+        members[each] = spheres.id[np.any(both, axis=0)]
+    records.append(
+        Recorded(
+            stage,
+            begin,
+            history=any(each.steps != 0 for each in stages[:-1])
+            or any(each.name == "read_restart" for each in deck.commands),
+            unturned=stage.exact and not np.any(spheres.spin),
+            spheres=spheres,
+            laws=laws_of(deck.commands, int(lmp.extract_setting("ntypes"))),
+            members=members,
+        )
     )
+
+
+def _of_spheres(dumps: Sequence[Command]) -> list[Command]:
+    return [each for each in dumps if each.words[3:4] and each.words[3] in DUMPS]
+
+
+def excluding(commands: Sequence[Command]) -> list[Command]:
+    """Return the commands that keep pairs of spheres out of the lists of neighbours."""
+    return [each for each in commands if each.name == "neigh_modify" and "exclude" in each.words]
 
 
 def _local(lmp: Any, name: str) -> Any:

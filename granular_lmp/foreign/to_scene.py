@@ -21,9 +21,9 @@ from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.foreign.adopt_dump import Known
 from granular_lmp.foreign.begun import Motion, begins
 from granular_lmp.foreign.indexing import Indexed, index, neighbours
-from granular_lmp.foreign.laws import MATERIAL, Law, unread
+from granular_lmp.foreign.laws import MATERIAL, Law
 from granular_lmp.foreign.likeness import Likeness, likeness
-from granular_lmp.foreign.outside import Outside
+from granular_lmp.foreign.outside import UNDERSTOOD, Outside
 from granular_lmp.foreign.reading import Reading, Recorded, Spheres, Stage
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
@@ -31,16 +31,6 @@ from granular_lmp.units import STYLES, Units
 
 Floats = NDArray[np.float64]
 
-# Commands that say what was read of the deck, or do nothing with the spheres
-_READ = (
-    *("atom_modify", "atom_style", "boundary", "change_box", "comm_modify", "comm_style", "compute", "create_atoms"),
-    *("create_box", "delete_atoms", "dimension", "displace_atoms", "fix", "group", "lattice", "mass", "neigh_modify"),
-    *("neighbor", "newton", "package", "pair_coeff", "pair_style", "processors", "read_data", "region", "replicate"),
-    *("reset_atoms", "reset_timestep", "run", "set", "suffix", "timestep", "uncompute", "unfix", "units", "variable"),
-    *("velocity", "clear", "include", "jump", "label", "next", "if", "quit", "print", "log", "echo", "info", "restart"),
-    *("timer", "dump", "dump_modify", "undump", "thermo", "thermo_style", "thermo_modify", "balance", "compute_modify"),
-    *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
-)
 _SHEARED = {"mindlin": "secant", "mindlin/force": "incremental", "mindlin_rescale": "rescaled"}
 _TOUCHING = 1e-9  # of a radius: overlaps and gaps below are the rounding of places
 _UNLOADED = 1e-6  # of the pull-off force: less load is the rounding of places
@@ -175,9 +165,11 @@ def _whole(reading: Reading, outside: Outside) -> Spheres:
     if any(reading.tilt) and any(reading.periodic):
         raise SceneError("the box is tilted, and that of a scene is not")
     for command in reading.commands:
-        if command.name not in _READ or (command.name == "neigh_modify" and "exclude" in command.words):
+        if command.name not in UNDERSTOOD or (command.name == "neigh_modify" and "exclude" in command.words):
             raise SceneError(f"'{command}': no key of a scene says what it does")
     _refuse_twice(recorded)
+    for said in outside.unsure:
+        raise SceneError(said)
     for said in (*outside.others, *start.resets):
         raise SceneError(f"'{said}': no key of a scene says what it does")
     if outside.motions:
@@ -226,11 +218,8 @@ def _one_law(reading: Reading, spheres: Spheres) -> Law:
                 "one material has one; say other materials by an [[inclusion]]"
             )
     law = laws[first]
-    left = unread(law.command.words[4:])
-    if left in ("rolling", "twisting"):
-        raise SceneError(f"'{law.command}': {left} of a foreign deck is not read")
-    if law.normal not in MATERIAL or left:
-        raise SceneError(f"'{law.command}': no key of a scene says {left if law.normal in MATERIAL else law.normal}")
+    if law.normal not in MATERIAL or law.unread:
+        raise SceneError(f"'{law.command}': no key of a scene says {law.unread or law.normal}")
     if law.mixed and law.shear_share != 1 and law.has_history and law.friction:
         raise SceneError(
             "LAMMPS mixes the shear modulus of two types in its own way, and a scene has that of contact mechanics"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from granular_lmp.crystal.lanczos import top_bound
-from granular_lmp.foreign.laws import granular
+from granular_lmp.foreign.laws import PLANES, law_of_wall
 from granular_lmp.foreign.reading import Pairs, Reading, Spheres
 from granular_lmp.frozen import dataclass
 
@@ -144,12 +144,11 @@ def _walls_of(reading: Reading) -> Iterator[ContactsAtStart]:
     if spheres is None or start is None or reading.units not in _CONSISTENT:
         return
     for fix in start.fixes:
-        law = granular(fix, fix.words[5:]) if fix.words[3:5] == ("wall/gran", "granular") else None
-        for axis, keyword in enumerate(("xplane", "yplane", "zplane")):
-            if law is None or keyword not in fix.words:
+        law, surface = law_of_wall(fix)
+        for axis, keyword in enumerate(PLANES):
+            if law is None or surface[:1] != (keyword,):
                 continue
-            place = fix.words.index(keyword)
-            for word in fix.words[place + 1 : place + 3]:
+            for word in surface[1:3]:
                 away = spheres.position[:, axis] - (float(word) if word != "NULL" else np.inf)
                 which = np.flatnonzero(np.abs(away) < spheres.radius * (1 - _TOUCHING))
                 if not len(which):

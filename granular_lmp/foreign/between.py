@@ -1,0 +1,107 @@
+"""Commands that change the motion of spheres while a dump is on, and commands that depend on runs not executed here."""
+
+from collections.abc import Iterator, Sequence
+
+from granular_lmp.foreign.interpreter import Command
+from granular_lmp.foreign.reading import Reading, Recorded, at_work
+
+# Beginnings of the styles of fixes that push no sphere; with dt/reset the dump must hold times
+HARMLESS_FIXES = (
+    *("enforce2d", "property/atom", "store", "print", "ave", "halt", "balance", "vector", "neigh/history"),
+    "dt/reset",
+)
+# Commands that leave the motion of the spheres as it is
+_HARMLESS = (
+    *("compute", "compute_modify", "uncompute", "thermo", "thermo_modify", "thermo_style", "variable", "region"),
+    *("dump", "dump_modify", "undump", "print", "log", "echo", "info", "restart", "timer", "balance", "lattice"),
+    *(
+        "write_coeff",
+        "write_data",
+        "write_dump",
+        "write_restart",
+        "group2ndx",
+        "label",
+        "jump",
+        "next",
+        "if",
+        "include",
+    ),
+    *("min_modify", "min_style", "neighbor", "comm_modify", "comm_style", "processors", "molecule", "labelmap"),
+    *("package", "suffix", "group2ndx"),
+)
+MOVING = ("minimize", "rerun", "displace_atoms", "read_dump", "change_box")  # commands that move spheres in no time
+_BY_STATE = ("region", "variable")  # styles of group that choose spheres by their places or other values
+
+
+def acts(fix: Command) -> bool:
+    """Return whether a fix may change the motion of spheres."""
+    return not fix.words[3].startswith(HARMLESS_FIXES)
+
+
+def changes(reading: Reading, dumps: Sequence[Command], begin: Command | None = None) -> Iterator[Command]:
+    """Yield the commands that change the motion of spheres between two frames of some dumps, in their order.
+
+    A minimization is one of them, as it writes frames of its own. If no dump is given, frames may be written from the
+    command `begin` to the end of the deck.
+    """
+    commands, on, begun = reading.commands, set[str](), False
+    moving = {id(stage.command) for stage in reading.stages}
+    chosen, waiting = {id(each) for each in dumps}, list[Command]()
+    for number, command in enumerate(commands):
+        name = command.name
+        if id(command) in chosen or (not dumps and command is begin):
+            on.add("" if command is begin else command.words[1])
+        elif name == "clear":
+            on.clear()
+        elif name in ("dump", "undump"):
+            on -= {*command.words[1:2]}
+        if not on:
+            begun, waiting = False, []
+            continue
+        if name in ("minimize", "rerun") and (id(command) in moving or name == "rerun"):
+            yield from (*waiting, command)
+            begun, waiting = True, []
+        elif id(command) in moving:
+            yield from waiting
+            begun, waiting = True, []
+            if _within(command):
+                yield command
+        elif begun and _changes(command, commands[:number]):
+            waiting.append(command)
+
+
+def _within(run: Command) -> bool:
+    """Return whether a run executes commands after each of its parts."""
+    words = run.words
+    return "every" in words and bool({*words[words.index("every") + 2 :]} - {"NULL"})
+
+
+def _changes(command: Command, before: Sequence[Command]) -> bool:
+    """Return whether a command may change the motion of spheres; one that is not known does."""
+    if command.name == "fix":
+        return acts(command)
+    if command.name == "unfix":
+        return any(acts(each) for each in at_work(before, "fix") if each.words[1] == command.words[1])
+    if command.name == "group":
+        return any(each.name == "group" and each.words[1] == command.words[1] for each in before)
+    if command.name == "neigh_modify":
+        return "exclude" in command.words
+    return command.name not in _HARMLESS
+
+
+def unsure_groups(reading: Reading, recorded: Recorded) -> dict[str, Command]:
+    """Return the groups whose spheres depend on runs that are not executed here, each with the command that says so."""
+    found: dict[str, Command] = {}
+    skipped = {id(stage.command) for stage in reading.stages if stage.long or stage.steps is None}
+    late = False
+    for command in reading.commands:
+        if command is recorded.stage.command:
+            break
+        late |= id(command) in skipped
+        if command.name == "group" and len(command.words) > 2:
+            name, style, *rest = command.words[1:]
+            if style == "dynamic" or (late and style in _BY_STATE) or {*rest} & found.keys():
+                found[name] = command
+            elif style in ("clear", "delete", "static"):
+                found.pop(name, None)
+    return found
