@@ -43,6 +43,7 @@ _PLACE = ("xu", "yu", "zu")
 _COARSE = 1e-3  # of the largest displacement: with fewer than three digits a second harmonic is noise
 _FAR = 0.25  # of a period: half of what could not be told from the opposite way
 _DIGITS = 3e-5  # relative difference of two densities, whose masses and radii were printed by %g
+_STILL = 1e-12  # of the box: displacements below are rounding
 _NAMED = 5  # spheres that come or go, by number in a sentence
 
 
@@ -286,7 +287,7 @@ class _Reading:
         self.come_and_go: set[int] = set()
         self.begun = np.empty((0, 3))  # places in the first snapshot
         self.far = False
-        self.largest = 0.0  # displacement from there along an axis
+        self.largest = np.zeros(3)  # displacements from there along each axis
         self.deforms = False  # the box, along an axis that is periodic
 
     def say(self, sentence: str) -> None:
@@ -329,7 +330,15 @@ class _Reading:
         self.units = STYLES[style]
         if "vx" not in frame.columns:
             self.say("the dump holds no velocities; they are differences of places between its snapshots")
+        self._refuse_lacking(frame)
         self.names = [*self._table(frame)]
+
+    def _refuse_lacking(self, frame: Frame) -> None:
+        """Raise RunFolderError if the dump lacks places along an axis on which spheres of the deck differ."""
+        known, names = self.known.spheres, frame.way[0]
+        for axis, name in enumerate(names):
+            if known is not None and name not in frame.columns and np.ptp(known.position[:, axis]) > known.radius.max():
+                raise RunFolderError(f"the dump holds no {name}, and the spheres of the deck differ in it")
 
     def _table(self, frame: Frame) -> dict[str, Floats]:
         """Return the columns of a snapshot as the folder has them, in SI units."""
@@ -404,7 +413,7 @@ class _Reading:
         else:
             self.begun = places
         if len(places) == len(self.begun):
-            self.largest = max(self.largest, float(np.abs(places - self.begun).max(initial=0.0)))
+            self.largest = np.maximum(self.largest, np.abs(places - self.begun).max(axis=0, initial=0.0))
         self.ids, self.before = ids, places
         self.resolution = min(self.resolution, frame.resolution)
         return places
@@ -426,6 +435,16 @@ class _Reading:
                 self.say(f"step {step}: {len(others)} spheres {verb} (id {said}); they are left out")
                 self.come_and_go |= {int(each) for each in others}
 
+    def _refuse_half(self, first: Frame) -> None:
+        """Raise RunFolderError if the dump lacks the velocities along one of the axes along which spheres move."""
+        lacking = [axis for axis in range(3) if f"v{'xyz'[axis]}" not in first.columns]
+        for axis in lacking if len(lacking) < 3 else ():
+            if self.largest[axis] > max(self.resolution, _STILL * float(np.ptp(first.cell))):
+                raise RunFolderError(
+                    f"the dump holds no v{'xyz'[axis]}, and spheres move along {'xyz'[axis]}; a dump must hold the "
+                    "velocities along all of these axes, or none"
+                )
+
     @property
     def _unlike_deck(self) -> dict[str, list[int]]:
         """Some spheres of the deck that the first snapshot lacks, and some of the snapshot that the deck lacks."""
@@ -442,10 +461,12 @@ class _Reading:
         assert first is not None
         if {int(each) for each in self.ids} <= self.come_and_go:
             raise RunFolderError(f"{paths[0]}: no sphere is in all snapshots")
-        if self.resolution > _COARSE * self.largest:
+        self._refuse_half(first)
+        largest = float(self.largest.max())
+        if self.resolution > _COARSE * largest:
             self.say(
                 f"places are printed to {units.si(self.resolution, length=1):.1e} m, and no sphere moves by more than "
-                f"{units.si(self.largest, length=1):.1e} m: displacements and overlaps are rounded; write it with "
+                f"{units.si(largest, length=1):.1e} m: displacements and overlaps are rounded; write it with "
                 "dump_modify format float %.15g"
             )
         step = 0.0 if self.known.timestep is None else float(units.si(self.known.timestep, time=1))

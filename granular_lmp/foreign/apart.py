@@ -64,7 +64,7 @@ def _answer(request: Path, answer: Path) -> None:
     found: Any
     at = answer.with_suffix(AT)
     try:
-        found = read(deck, variables, lambda command: at.write_text(f"{command.file}:{command.line}: {command}"))
+        found = read(deck, variables, lambda command: at.write_text(f"{command.place}: {command}"))
     except Exception as error:  # the other process raises it
         found = error
     part = answer.with_suffix(".part")

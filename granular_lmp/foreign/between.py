@@ -50,12 +50,13 @@ def changes(reading: Reading, dumps: Sequence[Command], begin: Command | None = 
     for number, command in enumerate(commands):
         name = command.name
         if id(command) in chosen or (not dumps and command is begin):
+            chosen.discard(id(command))
             on.add("" if command is begin else command.words[1])
         elif name == "clear":
             on.clear()
         elif name in ("dump", "undump"):
             on -= {*command.words[1:2]}
-        if not on:
+        if not on and not (begun and chosen):
             begun, waiting = False, []
             continue
         if name in ("minimize", "rerun") and (id(command) in moving or name == "rerun"):
@@ -100,7 +101,7 @@ def unsure_groups(reading: Reading, recorded: Recorded) -> dict[str, Command]:
         late |= id(command) in skipped
         if command.name == "group" and len(command.words) > 2:
             name, style, *rest = command.words[1:]
-            if style == "dynamic" or (late and style in _BY_STATE) or {*rest} & found.keys():
+            if style == "dynamic" or command.unsure or (late and style in _BY_STATE) or {*rest} & found.keys():
                 found[name] = command
             elif style in ("clear", "delete", "static"):
                 found.pop(name, None)

@@ -20,6 +20,14 @@ _WORD = re.compile(r'"""(.*?)"""|"([^"]*)"|\'([^\']*)\'|(\S+)', re.DOTALL)
 _RUN = re.compile(
     r"run [-+]?\d+( upto| (start|stop) \S+| (pre|post) (yes|no|on|off|true|false))*( every .*)?", re.DOTALL
 )
+_EXPANDED = re.compile(r"\$\{(\w+)\}|\$(\w)|\$\(([^)]*(?:\([^)]*\)[^)]*)*)\)")
+# Words of a formula whose values runs change: computes, fixes, groups, spheres, and keywords of thermo
+_BY_RUNS = re.compile(
+    r"\b([cfC]_\w+|(?:xcm|vcm|fcm|bound|gyration|ke|angmom|torque|inertia|omega)\s*\(|(?:f|v|omega)?[xyz]\s*\["
+    r"|step|elapsed|elaplong|time|cpu|atoms|temp|press|pe|ke|etotal|evdwl|epair|enthalpy|vol|density"
+    r"|l[xyz]|[xyz](?:lo|hi)|p[xyz][xyz]|fmax|fnorm)(?!\w)"
+)
+_FORMULAS = ("equal", "atom", "vector")
 _COMMENT = re.compile(r'(""".*?"""|"[^"]*"|\'[^\']*\')|#.*', re.DOTALL)
 _WRITING = (
     *("print", "log", "echo", "info", "restart", "timer", "dump", "dump_modify", "undump", "rerun"),
@@ -65,11 +73,13 @@ class Command:
     file : name of the file in which it stands.
     line : number of its first line.
     words : its words, without quotes.
+    unsure : whether LAMMPS would give it other words if it had executed the long runs before.
     """
 
     file: str
     line: int
     words: tuple[str, ...]
+    unsure: bool = False
 
     @property
     def name(self) -> str:
@@ -146,6 +156,8 @@ class Interpreter:
         self._at_run = at_run
         self._tell = tell or (lambda _: None)
         self._exhausted = False
+        self._skipped = False  # whether a run of several steps, or a minimization, came before
+        self._by_runs: set[str] = set()  # variables whose values runs change
         self._unfinished: set[tuple[str, int]] = set()  # lines whose "&" ends the file
         self._files: list[tuple[Path, Iterator[tuple[int, str]]]] = []
         self._open(deck)
@@ -190,7 +202,8 @@ class Interpreter:
         words = split(self._asked(where, text, lambda: self.lmp.expand(text)))
         if not words:
             return
-        command = Command(file, line, words)
+        command = Command(file, line, words, self._unsure(text))
+        self._note(command)
         self.commands.append(command)
         self._tell(command)
         style = words[_PLACE_OF_STYLE[words[0]] :] if words[0] in _PLACE_OF_STYLE else ()
@@ -215,6 +228,24 @@ class Interpreter:
             self._asked(where, text, lambda: self.lmp.command(self._with_paths(text)))
         elif words[0] not in _WRITING:
             raise DeckError(f"{where}: '{command}' is a command that is not known here; take the line out of a copy")
+
+    def _unsure(self, text: str) -> bool:
+        """Return whether the values in a line depend on long runs, which are not executed."""
+        asked = [next(filter(None, match.groups())) for match in _EXPANDED.finditer(text)] if self._skipped else []
+        return any(name in self._by_runs or _BY_RUNS.search(name) is not None for name in asked)
+
+    def _note(self, command: Command) -> None:
+        """Note variables whose values runs change, and whether a long run was skipped."""
+        words = command.words
+        if command.name == "variable" and len(words) > 3:
+            formula = " ".join(words[3:]) if words[2] in _FORMULAS else ""
+            others = {*re.findall(r"\bv_(\w+)", formula)} & self._by_runs
+            changing = command.unsure or bool(others) or _BY_RUNS.search(formula) is not None
+            (self._by_runs.add if changing else self._by_runs.discard)(words[1])
+        elif command.name == "minimize" or (_RUN.fullmatch(str(command)) and int(words[1]) > 1):
+            self._skipped = True
+        elif command.name == "clear":
+            self._skipped = False
 
     def _asked(self, where: str, text: str, ask: Callable[[], Any]) -> Any:
         try:

@@ -21,17 +21,22 @@ def dumps_of(reading: Reading) -> list[Path]:
     RunFolderError
         If the deck has no dump of spheres, or its files are not there.
     """
+    same = _first_dumps(reading)
+    if not same:
+        raise RunFolderError(f"{reading.deck}: has no dump of style custom or atom; name its dumps behind it")
+    found = [path for each in same for path in files_of(Path(reading.deck).parent, each)]
+    if not found:
+        raise RunFolderError(
+            f"{Path(reading.deck).parent / same[0].words[5]}: missing; the deck writes it, run it first"
+        )
+    return found
+
+
+def _first_dumps(reading: Reading) -> list[Command]:
     recorded = reading.recorded
     commands = recorded.dumps if recorded else []
     commands = commands or [each for each in reading.dumps if each.words[3] in DUMPS]
-    if not commands:
-        raise RunFolderError(f"{reading.deck}: has no dump of style custom or atom; name its dumps behind it")
-    first = commands[0]
-    same = [each for each in commands if (each.words[2], each.words[4]) == (first.words[2], first.words[4])]
-    found = [path for each in same for path in files_of(Path(reading.deck).parent, each)]
-    if not found:
-        raise RunFolderError(f"{Path(reading.deck).parent / first.words[5]}: missing; the deck writes it, run it first")
-    return found
+    return [each for each in commands if (each.words[2], each.words[4]) == (commands[0].words[2], commands[0].words[4])]
 
 
 def writers_of(reading: Reading, files: Sequence[str | Path]) -> list[Command]:
@@ -64,7 +69,7 @@ def known_of(reading: Reading, given: Known, dumps: Sequence[str | Path] = ()) -
     RunFolderError
         If LAMMPS refuses the deck before its first run.
     """
-    writers = writers_of(reading, dumps) or (reading.recorded.dumps if reading.recorded else [])
+    writers = writers_of(reading, dumps or [each.words[5] for each in _first_dumps(reading)])
     recorded = recorded_by(reading, writers)
     if recorded is None:
         short = "" if reading.spheres is None else f"{reading.deck}: LAMMPS met no run of several steps in it"

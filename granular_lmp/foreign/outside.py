@@ -79,7 +79,7 @@ class Outside:
     rotation : whether forces turn the free spheres.
     discs : whether these have the moment of inertia of a disc.
     others : lines of the deck that act, and that no witness knows.
-    unsure : sentences on lines whose effect depends on runs that were not executed.
+    unfollowed : sentences on fixes and spheres of the deck that no witness can follow.
     """
 
     begin: int | None = None
@@ -94,7 +94,7 @@ class Outside:
     rotation: bool = True
     discs: bool = False
     others: tuple[str, ...] = ()
-    unsure: tuple[str, ...] = ()
+    unfollowed: tuple[str, ...] = ()
 
     def in_si(self, units: Units) -> dict[str, Any]:
         """Return what ``run.json`` says of `Outside`, in SI units (of units lj in these)."""
@@ -126,7 +126,7 @@ class Outside:
             "rotation": self.rotation,
             "discs": self.discs,
             "others": [*self.others],
-            "unsure": [*self.unsure],
+            "unfollowed": [*self.unfollowed],
         }
 
 
@@ -138,7 +138,6 @@ def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outs
     spheres, found = recorded.spheres, _Found(reading, recorded)
     for fix in recorded.stage.fixes:
         found.take(fix)
-    found.end()
     free = found.moves & ~found.held
     turning = [fix for fix in recorded.stage.fixes if fix.words[3] in ("nve", "nve/sphere")]
     some = free.any() and found.turns[free].any()
@@ -147,6 +146,7 @@ def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outs
         found.others += map(str, turning)
     if (found.held & ~found.frozen & found.moves & found.turns).any() and found.sheared:
         found.others += [str(fix) for fix in recorded.stage.fixes if _stops(fix)]
+    excluded = _unlike_contacts(reading, recorded, ~free & ~found.moved)
     changed = map(str, changes(reading, recorded.dumps if dumps is None else dumps, recorded.stage.command))
     return Outside(
         begin=recorded.begin,
@@ -162,8 +162,8 @@ def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outs
         motions=tuple(found.motions),
         rotation=bool(some) or not free.any(),
         discs=bool(discs),
-        others=tuple(dict.fromkeys((*found.others, *_unlike_contacts(reading, recorded, found.held), *changed))),
-        unsure=tuple(_unsure(reading, recorded)),
+        others=tuple(dict.fromkeys((*found.others, *excluded, *changed))),
+        unfollowed=(*found.unfollowed(), *_unsure(reading, recorded)),
     )
 
 
@@ -214,13 +214,18 @@ class _Found:
         elif acts(fix):
             self.others.append(str(fix))
 
-    def end(self) -> None:
-        """Add fixes that move a sphere twice, and fixes that push a sphere whose forces an earlier fix takes."""
-        pushed = [fix for fix, spheres in self.late if (spheres & self.moves).any()]
-        twice = self.spheres.id[self.integrators > 1]
-        moving = [fix for fix in self.recorded.stage.fixes if fix.words[3] in _INTEGRATORS]
-        both = [fix for fix in moving if np.isin(twice, self.recorded.members[fix]).any()]
-        self.others += map(str, (*pushed, *both))
+    def unfollowed(self) -> Iterator[str]:
+        """Yield sentences on fixes that undo one another, and on spheres with a velocity that no fix moves."""
+        ids, fixes = self.spheres.id, self.recorded.stage.fixes
+        for fix, spheres in self.late:
+            if (pushed := spheres & self.moves).any():
+                yield f"{fix.place}: '{fix}' pushes sphere {ids[pushed][0]}, whose forces an earlier fix sets to 0"
+        for sphere in ids[self.integrators > 1][:1]:
+            moving = [fix for fix in fixes if fix.words[3] in _INTEGRATORS and sphere in self.recorded.members[fix]]
+            yield f"{moving[-1].place}: '{moving[-1]}' moves sphere {sphere}, which '{moving[0]}' moves too"
+        speeds = self.spheres.velocity.any(axis=1) | self.spheres.spin.any(axis=1)
+        for sphere in ids[speeds & (self.integrators == 0)][:1]:
+            yield f"sphere {sphere} has a velocity or a spin, and no fix moves it; its contacts slip all the same"
 
     def _touches(self, wall: Wall) -> NDArray[np.bool_]:
         """Return which spheres touch a plane at the beginning."""
@@ -371,15 +376,19 @@ def _unlike_contacts(reading: Reading, recorded: Recorded, held: NDArray[np.bool
 
 
 def _unsure(reading: Reading, recorded: Recorded) -> Iterator[str]:
-    """Yield sentences on fixes whose spheres depend on runs that are not executed here."""
-    groups = unsure_groups(reading, recorded)
-    for fix in recorded.stage.fixes:
-        if fix.words[2] in groups and acts(fix):
-            by = groups[fix.words[2]]
+    """Yield sentences on lines whose spheres or values depend on runs that are not executed here."""
+    groups, end = unsure_groups(reading, recorded), _place(reading, recorded.stage.command)
+    acting = [fix for fix in recorded.stage.fixes if acts(fix)]
+    for fix in acting:
+        if by := groups.get(fix.words[2]):
             yield (
-                f"{fix.place}: '{fix}' acts on spheres that the line {by.place} chooses, '{by}'; which these are "
-                "depends on runs that are not executed here"
+                f"{fix.place}: '{fix}' acts on the group of {by.place}, '{by}', whose spheres change or depend on runs "
+                "that are not executed here"
             )
+    deciding = [each for each in reading.commands[:end] if each.name == "if"]
+    for command in (*acting, *(law.command for law in recorded.laws.values()), *deciding):
+        if command.unsure:
+            yield f"{command.place}: '{command}' has a value that depends on runs that are not executed here"
 
 
 def _forgotten(reading: Reading, recorded: Recorded) -> int | None:

@@ -330,7 +330,7 @@ def _run(
     begin = _begin(deck, stages)
     if steps is not None and "upto" in command.words[2:]:
         steps = max(0, steps - (begin or 0))
-    exact = all(stage.steps is not None and not stage.long for stage in stages)
+    exact = all(stage.steps is not None and not stage.long for stage in _since_clear(deck, stages))
     stages.append(Stage(command, steps, float(lmp.extract_global("dt")), fixes, dumps, exact))
     if lmp.extract_setting("box_exist") and lmp.get_natoms():
         _record(deck, stages, begin, records)
@@ -352,6 +352,13 @@ def _run(
         lmp.command(f"uncompute {name}")
     if short and steps:
         lmp.command(f"run {steps} post no")
+
+
+def _since_clear(deck: Interpreter, stages: Sequence[Stage]) -> list[Stage]:
+    """Return the stages of the present system, behind the last ``clear``."""
+    clears = [n for n, each in enumerate(deck.commands) if each.name == "clear"]
+    since = {id(each) for each in deck.commands[clears[-1] if clears else 0 :]}
+    return [stage for stage in stages if id(stage.command) in since]
 
 
 def _has_pairs(commands: Sequence[Command]) -> bool:
@@ -411,7 +418,7 @@ def _record(deck: Interpreter, stages: list[Stage], begin: int | None, records: 
         Recorded(
             stage,
             begin,
-            history=any(each.steps != 0 for each in stages[:-1])
+            history=any(each.steps != 0 for each in _since_clear(deck, stages[:-1]))
             or any(each.name == "read_restart" for each in deck.commands),
             unturned=stage.exact and not np.any(spheres.spin),
             spheres=spheres,

@@ -24,7 +24,7 @@ from granular_lmp.foreign.indexing import Indexed, index, neighbours
 from granular_lmp.foreign.laws import MATERIAL, Law
 from granular_lmp.foreign.likeness import Likeness, likeness
 from granular_lmp.foreign.outside import UNDERSTOOD, Outside
-from granular_lmp.foreign.reading import Reading, Recorded, Spheres, Stage
+from granular_lmp.foreign.reading import Reading, Spheres, Stage
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
 from granular_lmp.units import STYLES, Units
@@ -80,7 +80,7 @@ def scene_of(reading: Reading, known: Known, name: str, times: Floats) -> Descri
     SceneError
         If no scene describes the crystal; the text says why.
     """
-    spheres, units = _whole(reading, known.outside), STYLES[reading.units]
+    spheres, units = _whole(reading, known), STYLES[reading.units]
     law = _one_law(reading, spheres)
     si = _in_si(spheres, units)
     edges = units.si(np.subtract(reading.high, reading.low), length=1)
@@ -153,9 +153,10 @@ def _start_of(reading: Reading) -> Stage:
     return reading.start
 
 
-def _whole(reading: Reading, outside: Outside) -> Spheres:
+def _whole(reading: Reading, known: Known) -> Spheres:
     """Return the spheres of a deck; refuse what acts on them beside the contacts and is no key of a scene."""
-    start, spheres, recorded = reading.start, reading.spheres, reading.recorded
+    start, spheres, outside = reading.start, reading.spheres, known.outside
+    recorded = next((each for each in reading.records if each.spheres is known.spheres), None)
     if start is None or spheres is None or reading.pairs is None or recorded is None:
         raise SceneError("the deck has no spheres at the beginning of its first long run")
     if not start.exact or outside.history or recorded.stage is not start:
@@ -167,8 +168,7 @@ def _whole(reading: Reading, outside: Outside) -> Spheres:
     for command in reading.commands:
         if command.name not in UNDERSTOOD or (command.name == "neigh_modify" and "exclude" in command.words):
             raise SceneError(f"'{command}': no key of a scene says what it does")
-    _refuse_twice(recorded)
-    for said in outside.unsure:
+    for said in outside.unfollowed:
         raise SceneError(said)
     for said in (*outside.others, *start.resets):
         raise SceneError(f"'{said}': no key of a scene says what it does")
@@ -180,14 +180,6 @@ def _whole(reading: Reading, outside: Outside) -> Spheres:
     if spheres.velocity[~moves].any() or spheres.spin[~moves].any():
         raise SceneError("spheres that no force moves have velocities")
     return replace(spheres, moves=moves, turns=moves & outside.rotation)
-
-
-def _refuse_twice(recorded: Recorded) -> None:
-    """Refuse spheres that two fixes integrate, and which move twice as fast as they should."""
-    members = [ids for fix, ids in recorded.members.items() if fix.words[3] in ("nve", "nve/sphere")]
-    numbers, counts = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *members]), return_counts=True)
-    if counts.max(initial=1) > 1:
-        raise SceneError(f"sphere {numbers[counts > 1][0]}: two fixes integrate its motion")
 
 
 def _in_si(spheres: Spheres, units: Units) -> Spheres:

@@ -317,7 +317,9 @@ def test_spheres_that_the_deck_does_not_have_are_refused(deck: Path, tmp_path: P
         adopt_dump([tmp_path / "dump"], tmp_path / "run", known)
 
 
-@pytest.mark.parametrize("words", ["", "springs 1 2", "hertz/material soft 0 0.3"])
+@pytest.mark.parametrize(
+    "words", ["", "springs 1 2", "hertz/material soft 0 0.3", "hertz/material 2e11 0 0.3 rolling sds 1 1 1"]
+)
 def test_words_that_are_no_law_are_refused(words: str) -> None:
     with pytest.raises(RunFolderError, match=f"law = '{words}': "):
         law_of(words, 1)

@@ -55,6 +55,8 @@ def said(reading: Reading) -> list[str]:
         ("variable said string one  # two &\nvariable said string three", ["one"]),
         ('# """\nvariable said string one\n""" two\nvariable said string three', ["three"]),
         ('variable said string """one\n  two"""', ["one\n  two"]),
+        ("variable said string one\n# two &", ["one"]),
+        ("variable said string one &\n\n", ["one"]),
     ],
 )
 def test_commands_follow_each_other_as_in_lammps(tmp_path: Path, text: str, words: list[str]) -> None:
@@ -132,6 +134,10 @@ def test_decks_that_run_programs_are_refused_by_the_line(tmp_path: Path, line: s
         ("jump\n", "'jump' lacks a word"),
         ("next 1*2\n", "LAMMPS refuses 'next 1*2'"),
         ("run some\n", "LAMMPS refuses 'run some'"),
+        ("run 500 &\n", "in.deck, line 3: the file ends in '&' here, and LAMMPS refuses 'run 500 &'; take out the '&'"),
+        ("run 500 &", "the file ends in '&' here, and LAMMPS refuses 'run 500 &'"),
+        ("run 500 & # ends\n", "LAMMPS refuses 'run 500 &'"),
+        ('print """one\n', "Unmatched triple quote"),
         ("variable a equal ${b}\n", "LAMMPS refuses 'variable a equal ${b}'"),
     ],
 )

@@ -279,7 +279,11 @@ NEARLY: dict[str, tuple[str, dict[str, Any], str]] = {
         {"more": "neigh_modify exclude type 1 1"},
         "'neigh_modify exclude",
     ),
-    "a motion of twice the speed": ("square sheet", {"more": "fix two all nve"}, "two fixes integrate its motion"),
+    "a motion of twice the speed": (
+        "square sheet",
+        {"more": "fix two all nve"},
+        "moves sphere 1, which 'fix move free nve' moves too",
+    ),
     "a later strike": ("square sheet", {"more": "run 5\nvelocity all set 1 0 0"}, "is not executed here"),
     "rest before": ("square sheet", {"more": "minimize 0 1e-9 5 5"}, "a minimization comes before"),
     "nothing that moves": ("square sheet", {"more": "velocity all set 0 0 0"}, "nothing moves at the beginning"),

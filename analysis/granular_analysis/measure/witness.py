@@ -310,7 +310,7 @@ def _refuse_outside(crystal: Unnamed, law: dict[str, Any]) -> None:
         raise TheoryError(
             f"sphere {sphere} is in the dump and not in the deck where its run begins; forces on it are not known"
         )
-    for sentence in outside.get("unsure", ()):
+    for sentence in outside.get("unfollowed", ()):
         raise TheoryError(sentence)
     for line in outside["others"]:
         raise TheoryError(
