@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 from granular_lmp.foreign.laws import Law
 from granular_lmp.foreign.outside import Outside
-from granular_lmp.foreign.reading import Spheres
+from granular_lmp.foreign.stages import Spheres
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.binary_dump import binary_head, binary_snapshots
 from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, enclosing, frames

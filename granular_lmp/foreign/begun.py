@@ -20,7 +20,7 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.foreign.indexing import Indexed
 from granular_lmp.foreign.likeness import aligned
-from granular_lmp.foreign.reading import Spheres
+from granular_lmp.foreign.stages import Spheres
 from granular_lmp.frozen import dataclass
 from granular_lmp.problem import prepare
 from granular_lmp.rest.initial_fields import plane_wave

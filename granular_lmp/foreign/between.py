@@ -2,8 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from granular_lmp.foreign.interpreter import Command
-from granular_lmp.foreign.reading import Reading, Recorded, at_work
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import Recorded, at_work
 
 # Beginnings of the styles of fixes that push no sphere; with dt/reset the dump must hold times
 HARMLESS_FIXES = (
@@ -29,6 +33,18 @@ _HARMLESS = (
     *("min_modify", "min_style", "neighbor", "comm_modify", "comm_style", "processors", "molecule", "labelmap"),
     *("package", "suffix", "group2ndx"),
 )
+# Commands whose effect is in what was read: spheres, box, laws, fixes, and the order of commands
+UNDERSTOOD = (
+    *("atom_modify", "atom_style", "boundary", "change_box", "comm_modify", "comm_style", "compute", "create_atoms"),
+    *("create_box", "delete_atoms", "dimension", "displace_atoms", "fix", "group", "lattice", "mass", "neigh_modify"),
+    *("neighbor", "newton", "package", "pair_coeff", "pair_style", "processors", "read_data", "region", "replicate"),
+    *("reset_atoms", "reset_timestep", "run", "set", "suffix", "timestep", "uncompute", "unfix", "units", "variable"),
+    *("velocity", "clear", "include", "jump", "label", "next", "if", "quit", "print", "log", "echo", "info", "restart"),
+    *("timer", "dump", "dump_modify", "undump", "thermo", "thermo_style", "thermo_modify", "balance", "compute_modify"),
+    *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
+)
+# Commands behind which spheres go on from a state that the dump holds
+_OF_STATE = ("read_restart", "read_dump", "rerun", "molecule", "labelmap", "group2ndx", "box", "fix_modify")
 MOVING = ("minimize", "rerun", "displace_atoms", "read_dump", "change_box")  # commands that move spheres in no time
 _BY_STATE = ("region", "variable")  # styles of group that choose spheres by their places or other values
 
@@ -90,7 +106,7 @@ def _changes(command: Command, before: Sequence[Command]) -> bool:
     return command.name not in _HARMLESS
 
 
-def unsure_groups(reading: Reading, recorded: Recorded) -> dict[str, Command]:
+def _unsure_groups(reading: Reading, recorded: Recorded) -> dict[str, Command]:
     """Return the groups whose spheres depend on runs that are not executed here, each with the command that says so."""
     found: dict[str, Command] = {}
     skipped = {id(stage.command) for stage in reading.stages if stage.long or stage.steps is None}
@@ -106,3 +122,40 @@ def unsure_groups(reading: Reading, recorded: Recorded) -> dict[str, Command]:
             elif style in ("clear", "delete", "static"):
                 found.pop(name, None)
     return found
+
+
+def place_of(reading: Reading, command: Command) -> int:
+    """Return the place of a command in the order of execution; in a loop a line comes several times."""
+    return next(n for n, each in enumerate(reading.commands) if each is command)
+
+
+def unread_commands(reading: Reading, recorded: Recorded, held: NDArray[np.bool_]) -> Iterator[str]:
+    """Yield commands before a run with an effect that is not in spheres, laws and fixes, as bonds.
+
+    Pairs of held spheres may be kept out of the lists of neighbours, as nothing moves these.
+    """
+    resting = recorded.spheres.id[held]
+    for command in reading.commands[: place_of(reading, recorded.stage.command)]:
+        excludes = command in recorded.members and command.name == "neigh_modify"
+        if command.name == "run_style" and command.words[1] == "verlet":
+            continue
+        if command.name not in (*UNDERSTOOD, *_OF_STATE) or (
+            excludes and "none" not in command.words and not np.isin(recorded.members[command], resting).all()
+        ):
+            yield str(command)
+
+
+def unsure(reading: Reading, recorded: Recorded) -> Iterator[str]:
+    """Yield sentences on lines whose spheres or values depend on runs that are not executed here."""
+    groups, end = _unsure_groups(reading, recorded), place_of(reading, recorded.stage.command)
+    acting = [fix for fix in recorded.stage.fixes if acts(fix)]
+    for fix in acting:
+        if by := groups.get(fix.words[2]):
+            yield (
+                f"{fix.place}: '{fix}' acts on the group of {by.place}, '{by}', whose spheres change or depend on runs "
+                "that are not executed here"
+            )
+    deciding = [each for each in reading.commands[:end] if each.name == "if"]
+    for command in (*acting, *(law.command for law in recorded.laws.values()), *deciding):
+        if command.unsure:
+            yield f"{command.place}: '{command}' has a value that depends on runs that are not executed here"

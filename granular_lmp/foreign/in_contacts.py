@@ -11,7 +11,8 @@ from granular_lmp.foreign.finding import Check, Finding
 from granular_lmp.foreign.in_space import through_flat_axis
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.laws import Law, law_of_wall
-from granular_lmp.foreign.reading import Pairs, Reading, Spheres
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import Pairs, Spheres
 from granular_lmp.foreign.vibrations import contacts_of, effective_radius
 
 _BALANCE = 0.01  # net force on a sphere over that of its contacts, above which it is not at rest

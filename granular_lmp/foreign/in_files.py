@@ -9,7 +9,8 @@ import numpy as np
 from granular_lmp.foreign.between import MOVING, changes
 from granular_lmp.foreign.finding import Check, Finding
 from granular_lmp.foreign.interpreter import Command
-from granular_lmp.foreign.reading import DUMPS, Reading
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import DUMPS
 from granular_lmp.foreign.vibrations import contacts_of, expected_displacement
 
 _DIGITS = 3  # of the overlap that a dump should leave

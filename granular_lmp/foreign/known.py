@@ -10,7 +10,8 @@ from granular_lmp.foreign.between import changes
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.laws import Law, granular
 from granular_lmp.foreign.outside import outside_of, recorded_by
-from granular_lmp.foreign.reading import DUMPS, Reading, Recorded, Stage
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import DUMPS, Recorded, Stage
 
 
 def dumps_of(reading: Reading) -> list[Path]:

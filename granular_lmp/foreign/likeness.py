@@ -18,7 +18,8 @@ from granular_lmp.errors import SceneError
 from granular_lmp.foreign.indexing import Indexed
 from granular_lmp.foreign.laws import Law
 from granular_lmp.foreign.outside import Outside, outside_of
-from granular_lmp.foreign.reading import Reading, Spheres, read
+from granular_lmp.foreign.reading import Reading, read
+from granular_lmp.foreign.stages import Spheres
 from granular_lmp.foreign.vibrations import effective_radius
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.deck import deck_of

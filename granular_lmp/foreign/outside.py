@@ -11,27 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.foreign.between import acts, changes, unsure_groups
+from granular_lmp.foreign.between import acts, changes, place_of, unread_commands, unsure
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.laws import PLANES, Law, is_number, law_of_wall
-from granular_lmp.foreign.reading import Reading, Recorded
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import Recorded
 from granular_lmp.frozen import dataclass
 from granular_lmp.units import Units
 
 Vector = tuple[float, float, float]
 
-# Commands whose effect is in what was read: spheres, box, laws, fixes, and the order of commands
-UNDERSTOOD = (
-    *("atom_modify", "atom_style", "boundary", "change_box", "comm_modify", "comm_style", "compute", "create_atoms"),
-    *("create_box", "delete_atoms", "dimension", "displace_atoms", "fix", "group", "lattice", "mass", "neigh_modify"),
-    *("neighbor", "newton", "package", "pair_coeff", "pair_style", "processors", "read_data", "region", "replicate"),
-    *("reset_atoms", "reset_timestep", "run", "set", "suffix", "timestep", "uncompute", "unfix", "units", "variable"),
-    *("velocity", "clear", "include", "jump", "label", "next", "if", "quit", "print", "log", "echo", "info", "restart"),
-    *("timer", "dump", "dump_modify", "undump", "thermo", "thermo_style", "thermo_modify", "balance", "compute_modify"),
-    *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
-)
-# Commands behind which spheres go on from a state that the dump holds
-_OF_STATE = ("read_restart", "read_dump", "rerun", "molecule", "labelmap", "group2ndx", "box", "fix_modify")
 # Spacings of lattices along x, y and z over their scale, without options
 _SPACINGS = dict.fromkeys(("none", "sq", "sq2", "sc", "bcc", "fcc", "diamond"), (1.0, 1.0, 1.0)) | {
     "hex": (1.0, 3**0.5, 1.0),
@@ -146,7 +135,7 @@ def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outs
         found.others += map(str, turning)
     if (found.held & ~found.frozen & found.moves & found.turns).any() and found.sheared:
         found.others += [str(fix) for fix in recorded.stage.fixes if _stops(fix)]
-    excluded = _unlike_contacts(reading, recorded, ~free & ~found.moved)
+    excluded = unread_commands(reading, recorded, ~free & ~found.moved)
     changed = map(str, changes(reading, recorded.dumps if dumps is None else dumps, recorded.stage.command))
     return Outside(
         begin=recorded.begin,
@@ -163,7 +152,7 @@ def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outs
         rotation=bool(some) or not free.any(),
         discs=bool(discs),
         others=tuple(dict.fromkeys((*found.others, *excluded, *changed))),
-        unfollowed=(*found.unfollowed(), *_unsure(reading, recorded)),
+        unfollowed=(*found.unfollowed(), *unsure(reading, recorded)),
     )
 
 
@@ -278,7 +267,7 @@ class _Found:
     def _ran_since(self, fix: Command) -> bool:
         """Return whether steps were taken between a fix and the run that writes the dump."""
         runs = [stage.command for stage in self.reading.stages if stage.steps != 0]
-        for command in self.reading.commands[_place(self.reading, fix) :]:
+        for command in self.reading.commands[place_of(self.reading, fix) :]:
             if command is self.recorded.stage.command:
                 break
             if any(command is run for run in runs):
@@ -317,18 +306,13 @@ class _Found:
         ]
 
 
-def _place(reading: Reading, command: Command) -> int:
-    """Return the place of a command in the order of execution; in a loop a line comes several times."""
-    return next(n for n, each in enumerate(reading.commands) if each is command)
-
-
 def _spacing(reading: Reading, fix: Command) -> Vector | None:
     """Return the distances of the lattice along x, y and z where a fix is made; None if they are not known.
 
     Without ``lattice`` they are 1. In units lj its number is a density, and its options may turn or stretch the cell.
     """
     found: Vector | None = (1.0, 1.0, 1.0)
-    for command in reading.commands[: _place(reading, fix)]:
+    for command in reading.commands[: place_of(reading, fix)]:
         if command.name == "clear":
             found = (1.0, 1.0, 1.0)
         elif command.name == "lattice":
@@ -357,38 +341,6 @@ def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:
 def _stops(fix: Command) -> bool:
     """Return whether a fix takes the forces of its spheres, but not their torques."""
     return fix.words[3] == "setforce" and (stopped := _zeros(fix.words[4:])) is not None and bool(stopped.all())
-
-
-def _unlike_contacts(reading: Reading, recorded: Recorded, held: NDArray[np.bool_]) -> Iterator[str]:
-    """Yield commands before a run with an effect that is not in spheres, laws and fixes, as bonds.
-
-    Pairs of held spheres may be kept out of the lists of neighbours, as nothing moves these.
-    """
-    resting = recorded.spheres.id[held]
-    for command in reading.commands[: _place(reading, recorded.stage.command)]:
-        excludes = command in recorded.members and command.name == "neigh_modify"
-        if command.name == "run_style" and command.words[1] == "verlet":
-            continue
-        if command.name not in (*UNDERSTOOD, *_OF_STATE) or (
-            excludes and "none" not in command.words and not np.isin(recorded.members[command], resting).all()
-        ):
-            yield str(command)
-
-
-def _unsure(reading: Reading, recorded: Recorded) -> Iterator[str]:
-    """Yield sentences on lines whose spheres or values depend on runs that are not executed here."""
-    groups, end = unsure_groups(reading, recorded), _place(reading, recorded.stage.command)
-    acting = [fix for fix in recorded.stage.fixes if acts(fix)]
-    for fix in acting:
-        if by := groups.get(fix.words[2]):
-            yield (
-                f"{fix.place}: '{fix}' acts on the group of {by.place}, '{by}', whose spheres change or depend on runs "
-                "that are not executed here"
-            )
-    deciding = [each for each in reading.commands[:end] if each.name == "if"]
-    for command in (*acting, *(law.command for law in recorded.laws.values()), *deciding):
-        if command.unsure:
-            yield f"{command.place}: '{command}' has a value that depends on runs that are not executed here"
 
 
 def _forgotten(reading: Reading, recorded: Recorded) -> int | None:

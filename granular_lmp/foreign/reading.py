@@ -17,6 +17,17 @@ from numpy.typing import NDArray
 from granular_lmp.errors import DeckError
 from granular_lmp.foreign.interpreter import Command, Interpreter
 from granular_lmp.foreign.laws import Law, laws_of
+from granular_lmp.foreign.stages import (
+    FEWEST,
+    Pairs,
+    Recorded,
+    Spheres,
+    Stage,
+    at_work,
+    excluding,
+    of_spheres,
+    start_of,
+)
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.installation import lammps_module
 
@@ -25,118 +36,7 @@ Integers = NDArray[np.int64]
 
 _PAIRS = "compute granular_lmp_{} all {} cutoff type"
 _WRITTEN = re.compile(r"write_data.*timestep = ([1-9]\d*)")
-_FEWEST = {"fix": 4, "dump": 6}  # words of a command that is whole
-DUMPS = ("custom", "custom/gz", "custom/mpiio", "atom", "atom/gz")  # styles of dumps of spheres
 _LOCAL, _ARRAY, _ATOM = 2, 2, 1  # LMP_STYLE_LOCAL, LMP_TYPE_ARRAY, LMP_VAR_ATOM
-
-
-@dataclass(frozen=True)
-class Stage:
-    """A run or a minimization.
-
-    Attributes
-    ----------
-    command : where it stands.
-    steps : number of steps; None of a minimization.
-    timestep : in units of the deck.
-    fixes, dumps : the commands of those at work.
-    exact : whether the spheres are where they would be: no run of several steps came before.
-    """
-
-    command: Command
-    steps: int | None
-    timestep: float
-    fixes: tuple[Command, ...]
-    dumps: tuple[Command, ...]
-    exact: bool
-
-    @property
-    def long(self) -> bool:
-        """Return whether it is a run of several steps, which is not executed here."""
-        return self.steps is not None and self.steps > 1
-
-    @property
-    def resets(self) -> list[Command]:
-        """Fixes that change the time step."""
-        return [fix for fix in self.fixes if fix.words[3].startswith("dt/reset")]
-
-
-@dataclass(frozen=True, eq=False)
-class Spheres:
-    """The spheres at the beginning of the first long run, in units of the deck.
-
-    Attributes
-    ----------
-    id, type : (N,) arrays.
-    radius, mass : (N,) arrays.
-    position, velocity, spin, force, torque : (N, 3) arrays; forces and torques hold those of all fixes too.
-    moves : (N,) array; whether an integrator moves the sphere.
-    turns : (N,) array; whether it turns the sphere.
-    """
-
-    id: Integers
-    type: Integers
-    radius: Floats
-    mass: Floats
-    position: Floats
-    velocity: Floats
-    spin: Floats
-    force: Floats
-    torque: Floats
-    moves: NDArray[np.bool_]
-    turns: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """Neighbours within the reach of their law, each pair once: P pairs.
-
-    Attributes
-    ----------
-    i, j : (P,) arrays; indices of `Spheres`.
-    vector : (P, 3) array; from the centre of j to that of i.
-    overlap : (P,) array; below 0 across a gap.
-    force : (P, 3) array; on i.
-    """
-
-    i: Integers
-    j: Integers
-    vector: Floats
-    overlap: Floats
-    force: Floats
-
-    def of(self, which: Any) -> "Pairs":
-        """Return some of the pairs."""
-        return Pairs(self.i[which], self.j[which], self.vector[which], self.overlap[which], self.force[which])
-
-
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """The first long run in which some dumps of spheres are on; the first long run of all, if none is on in it.
-
-    Attributes
-    ----------
-    stage : the run.
-    begin : number of its first step; None if earlier runs may have ended at any step.
-    history : whether steps were taken before, or a restart file was read, so that contacts may hold slip.
-    unturned : whether it is known that no sphere turns at its beginning.
-    spheres : at its beginning; places and velocities are those before the earlier runs, which are not executed here.
-    laws : law of each pair of types, the lower one first; empty where it is not known.
-    members : numbers (``id``) of the spheres of each fix, and of the groups that ``neigh_modify exclude`` names.
-    """
-
-    stage: Stage
-    begin: int | None
-    history: bool
-    unturned: bool
-    spheres: Spheres
-    laws: Mapping[tuple[int, int], Law]
-    members: Mapping[Command, Integers]
-
-    @property
-    def dumps(self) -> list[Command]:
-        """Return the dumps of spheres that it writes."""
-        return _of_spheres(self.stage.dumps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +82,7 @@ class Reading:
     @property
     def dumps(self) -> list[Command]:
         """Return the commands of dumps that are whole; LAMMPS does not execute them here, and refuses no other."""
-        return [command for command in self.named("dump") if len(command.words) >= _FEWEST["dump"]]
+        return [command for command in self.named("dump") if len(command.words) >= FEWEST["dump"]]
 
     @property
     def data_steps(self) -> dict[Command, int]:
@@ -222,12 +122,6 @@ class Reading:
             which = (types[0] == one) & (types[1] == other)
             found[law] = found.get(law, False) | which
         return [(law, which) for law, which in found.items() if which.any()]
-
-
-def start_of(stages: Sequence[Stage]) -> Stage | None:
-    """Return the first run of several steps; else the last of all, or None."""
-    long = (stage for stage in stages if stage.long)
-    return next(long, stages[-1] if stages else None)
 
 
 def read(
@@ -367,22 +261,6 @@ def _has_pairs(commands: Sequence[Command]) -> bool:
     return bool(given) and given[-1].name != "clear" and given[-1].words[1:2] != ("none",)
 
 
-def at_work(commands: Sequence[Command], kind: str) -> tuple[Command, ...]:
-    """Return the commands of the fixes or dumps that are at work behind some commands, in the order of LAMMPS.
-
-    A fix that is given again keeps its place.
-    """
-    found: dict[str, Command] = {}
-    for each in commands:
-        if each.name == kind and len(each.words) >= _FEWEST[kind]:
-            found[each.words[1]] = each
-        elif each.name == f"un{kind}":
-            found.pop("".join(each.words[1:2]), None)
-        elif each.name == "clear":
-            found.clear()
-    return tuple(found.values())
-
-
 def _begin(deck: Interpreter, stages: list[Stage]) -> int | None:
     """Return the step at which a run begins, with the steps of earlier runs that were not taken here.
 
@@ -405,7 +283,7 @@ def _begin(deck: Interpreter, stages: list[Stage]) -> int | None:
 def _record(deck: Interpreter, stages: list[Stage], begin: int | None, records: list[Recorded]) -> None:
     """Note what acts in a long run, if other dumps of spheres are on than in the record before."""
     stage = stages[-1]
-    dumps = _of_spheres(stage.dumps)
+    dumps = of_spheres(stage.dumps)
     if not stage.long or (records and (not dumps or [*map(id, dumps)] == [*map(id, records[-1].dumps)])):
         return
     lmp, spheres = deck.lmp, _spheres(deck.lmp, stage.fixes)
@@ -426,15 +304,6 @@ def _record(deck: Interpreter, stages: list[Stage], begin: int | None, records: 
             members=members,
         )
     )
-
-
-def _of_spheres(dumps: Sequence[Command]) -> list[Command]:
-    return [each for each in dumps if each.words[3:4] and each.words[3] in DUMPS]
-
-
-def excluding(commands: Sequence[Command]) -> list[Command]:
-    """Return the commands that keep pairs of spheres out of the lists of neighbours."""
-    return [each for each in commands if each.name == "neigh_modify" and "exclude" in each.words]
 
 
 def _local(lmp: Any, name: str) -> Any:

@@ -20,11 +20,13 @@ from granular_lmp.crystal.sphere_table import SITE, SphereTable
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.foreign.adopt_dump import Known
 from granular_lmp.foreign.begun import Motion, begins
+from granular_lmp.foreign.between import UNDERSTOOD
 from granular_lmp.foreign.indexing import Indexed, index, neighbours
 from granular_lmp.foreign.laws import MATERIAL, Law
 from granular_lmp.foreign.likeness import Likeness, likeness
-from granular_lmp.foreign.outside import UNDERSTOOD, Outside
-from granular_lmp.foreign.reading import Reading, Spheres, Stage
+from granular_lmp.foreign.outside import Outside
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import Spheres, Stage
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
 from granular_lmp.units import STYLES, Units
@@ -168,8 +170,8 @@ def _whole(reading: Reading, known: Known) -> Spheres:
     for command in reading.commands:
         if command.name not in UNDERSTOOD or (command.name == "neigh_modify" and "exclude" in command.words):
             raise SceneError(f"'{command}': no key of a scene says what it does")
-    for said in outside.unfollowed:
-        raise SceneError(said)
+    for sentence in outside.unfollowed:
+        raise SceneError(sentence)
     for said in (*outside.others, *start.resets):
         raise SceneError(f"'{said}': no key of a scene says what it does")
     if outside.motions:
@@ -278,7 +280,7 @@ def _sphere(spheres: Spheres, law: Law, indexed: Indexed, units: Units) -> Spher
     if indexed.lattice != CHAIN:  # unequal spheres of a sheet lie in places of the largest
         loose = abs(2 * float(spheres.radius.max()) / indexed.touching - 1) < _TOUCHING
         radius = float(spheres.radius.max()) if loose else radius
-    density = _rounded(_most(spheres.mass / (4 / 3 * np.pi * spheres.radius**3)))
+    density = _rounded(_most(spheres.density))
     if law.normal == "jkr" and not law.gamma:
         raise SceneError("jkr without a surface energy: take hertz/material")
     return Sphere(
@@ -376,8 +378,7 @@ def _differing(spheres: Spheres, indexed: Indexed, sphere: Sphere) -> dict[str, 
             for layer, each in enumerate(by_layer)
             if each
         ]
-    density = spheres.mass / (4 / 3 * np.pi * spheres.radius**3)
-    own = {"density": (density, sphere.density), "radius": (spheres.radius, sphere.radius)}
+    own = {"density": (spheres.density, sphere.density), "radius": (spheres.radius, sphere.radius)}
     other = {name: np.abs(values / usual - 1) > _ALIKE for name, (values, usual) in own.items()}
     some = np.logical_or.reduce([*other.values()])
     if some.any():

@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from granular_lmp.crystal.lanczos import top_bound
+from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.foreign.laws import PLANES, law_of_wall
-from granular_lmp.foreign.reading import Pairs, Reading, Spheres
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import Pairs, Spheres
 from granular_lmp.frozen import dataclass
+from granular_lmp.units import STYLES
 
 Floats = NDArray[np.float64]
-_INERTIA = 2 / 5
 _ZERO = np.finfo(float).tiny
-_CONSISTENT = ("lj", "si", "cgs", "micro", "nano")  # units in which a force is a mass times an acceleration
 _TOUCHING = 1e-10  # overlap over the radius, up to which spheres just touch, but for rounding
 
 
@@ -51,7 +52,7 @@ class ContactsAtStart:
 def contacts_of(reading: Reading) -> ContactsAtStart | None:
     """Return the contacts of a deck whose laws are known, or None if there is none."""
     spheres, pairs = reading.spheres, reading.pairs
-    if spheres is None or pairs is None or not reading.laws or reading.units not in _CONSISTENT:
+    if spheres is None or pairs is None or not reading.laws or reading.units not in STYLES:
         return None
     closed = pairs.of(pairs.overlap > _TOUCHING * spheres.radius[pairs.i])
     if not len(closed.i):
@@ -87,7 +88,7 @@ def expected_displacement(reading: Reading) -> float | None:
 def first_collision(reading: Reading) -> tuple[float, float] | None:
     """Return the speed of the fastest sphere, and how long it touches an equal one at rest; None if that is unknown."""
     spheres = reading.spheres
-    if spheres is None or not spheres.moves.any() or reading.units not in _CONSISTENT:
+    if spheres is None or not spheres.moves.any() or reading.units not in STYLES:
         return None
     speeds = np.linalg.norm(spheres.velocity, axis=1)
     who = int(np.argmax(speeds))
@@ -141,7 +142,7 @@ def _contacts_and_walls(reading: Reading) -> list[ContactsAtStart]:
 def _walls_of(reading: Reading) -> Iterator[ContactsAtStart]:
     """Return the contacts with planes of ``fix wall/gran granular``, of all spheres that reach them."""
     spheres, start = reading.spheres, reading.start
-    if spheres is None or start is None or reading.units not in _CONSISTENT:
+    if spheres is None or start is None or reading.units not in STYLES:
         return
     for fix in start.fixes:
         law, surface = law_of_wall(fix)
@@ -171,7 +172,7 @@ def _top(reading: Reading, springs: Sequence[tuple[ContactsAtStart, Floats, Floa
         for tangent in _tangents(axis, flat=reading.dimension == 2) if shear.any() else ():
             # The vector points from j to i, and the arms of both spheres to the contact make the same sign
             rows.append(_row(spheres, contacts, tangent, -np.cross(axis, tangent), shear))
-    spin = spheres.turns / (_INERTIA * spheres.mass * spheres.radius**2 + _ZERO)
+    spin = spheres.turns / (INERTIA_RATIO * spheres.mass * spheres.radius**2 + _ZERO)
     mobility = np.sqrt(np.concatenate((np.repeat(spheres.moves / spheres.mass, 3), np.repeat(spin, 3))))
     values, columns = (np.concatenate([row[n] for row in rows]) for n in range(2))
     starts = np.arange(0, values.size + 1, values.shape[1])

@@ -77,7 +77,7 @@ def contacts_figure(crystal: Unnamed, name: str) -> Picture:
         For another name than "contacts", or contacts of which the spheres alone are known.
     """
     if name != "contacts":
-        raise ViewError(f"monitor = {name!r}: an unnamed crystal has 'contacts' alone")
+        raise ViewError(f"monitor = {name!r}: an unnamed crystal has only 'contacts'")
     columns = crystal.contact_columns
     (time, times), (_, one), (_, other), *quantities = columns.items()
     moments, at = np.unique(times, return_inverse=True)

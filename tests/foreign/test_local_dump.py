@@ -182,7 +182,7 @@ def test_without_such_a_dump_the_contacts_are_overlaps(plate: Path, tmp_path: Pa
     assert list(found.contact_columns) == ["t_s", "id_i", "id_j", "overlap_m"]
     view(tmp_path / "run", tmp_path / "overlaps.svg", monitor="contacts")
     export(found, tmp_path / "overlaps.csv", "contacts")
-    with pytest.raises(ViewError, match="has 'contacts' alone"):
+    with pytest.raises(ViewError, match="an unnamed crystal has only 'contacts'"):
         view(tmp_path / "run", tmp_path / "overlaps.svg", monitor="forces")
 
 
