@@ -1,6 +1,7 @@
 """Make the run folder of an unnamed crystal from foreign dumps of LAMMPS (`granular_lmp.runs.unnamed`).
 
-One snapshot of each dump is in memory at a time. What the dumps do not say is never guessed: it is asked for by name.
+Memory holds one snapshot of each dump at a time. A quantity that the dumps lack is never guessed: an error asks for it
+by name.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -41,15 +42,15 @@ Floats = NDArray[np.float64]
 _VECTORS = {"v": (0, 1, -1), "omega": (0, 0, -1), "f": (1, 1, -2)}
 _PLACE = ("xu", "yu", "zu")
 _COARSE = 1e-3  # of the largest displacement: with fewer than three digits a second harmonic is noise
-_FAR = 0.25  # of a period: half of what could not be told from the opposite way
-_DIGITS = 3e-5  # relative difference of two densities, whose masses and radii were printed by %g
+_FAR = 0.25  # of a period; at 0.5 two opposite displacements lead to the same image
+_DIGITS = 3e-5  # relative difference of two densities that have the same masses and radii, printed by %g
 _STILL = 1e-12  # of the box: displacements below are rounding
-_NAMED = 5  # spheres that come or go, by number in a sentence
+_NAMED = 5  # a sentence names at most this many spheres
 
 
 @dataclass(frozen=True)
 class Known:
-    """Knowledge of a foreign run beside its dumps, in the units of the dump; a None must be in the dump.
+    """Quantities of a foreign run that are known without its dumps, in their units; the dumps must hold the others.
 
     Attributes
     ----------
@@ -60,11 +61,12 @@ class Known:
     radius, density : sequence of float, optional
         One number, or one for each type of spheres.
     laws : mapping of (int, int) to Law
-        The law of each pair of types, where it is known: the witness takes it.
+        Law of each pair of types that is known; the witness uses it.
     spheres : Spheres, optional
-        Radii and masses of a deck, by ``id``, where neither dump nor `radius` and `density` say them.
+        Spheres of the deck. Their radii, masses and types, by ``id``, replace those that the dump and `radius` and
+        `density` lack.
     outside : Outside
-        What acts on spheres beside their contacts.
+        Actions on the spheres beside their contacts.
     """
 
     units: str | None = None
@@ -103,7 +105,7 @@ def adopt_dump(
     folder : path
         The run folder.
     known : Known, optional
-        What the dumps do not say.
+        Quantities that the dumps lack.
     contacts : mapping, optional
         Local dumps of contacts, each with the words of LAMMPS for its columns (`granular_lmp.lammps.local_dump`), or
         None if these are their names.
@@ -113,7 +115,7 @@ def adopt_dump(
     Raises
     ------
     RunFolderError
-        If a dump cannot be read, something must be known that is not, or no sphere is in all snapshots.
+        If a dump cannot be read, a quantity is missing, or no sphere is in all snapshots.
     """
     place = absolute(folder)
     reading = _Reading(known or Known())
@@ -124,7 +126,7 @@ def adopt_dump(
     first = next(snapshots, None)
     if first is None:
         raise RunFolderError(f"{paths[0]}: holds no whole snapshot")
-    reading.begin(first)  # what must be known is asked for before a folder is made
+    reading.begin(first)  # a missing quantity is asked for before a folder is made
     local = _contacts({absolute(path): words for path, words in (contacts or {}).items()}, reading)
     first_contacts = next(local, None)
     with locked(place, make=True, force=force):
@@ -160,7 +162,7 @@ def adopt_dump(
 
 
 def _refuse_another(step: int, name: str, said: Floats | None, given: Floats) -> None:
-    """Raise RunFolderError where a dump says a quantity and another one was given."""
+    """Raise RunFolderError if a dump holds another value of a quantity than the user gave."""
     if said is not None and not np.allclose(said, given, rtol=_DIGITS, atol=0.0):
         worst = int(np.argmax(np.abs(said / given - 1)))
         raise RunFolderError(
@@ -169,12 +171,12 @@ def _refuse_another(step: int, name: str, said: Floats | None, given: Floats) ->
 
 
 def _by_id(values: Floats, known: Spheres, ids: Floats) -> Floats:
-    """Return values of the spheres of a deck for those with some numbers."""
+    """Return the values of those spheres of a deck that have these ``id``."""
     order = np.argsort(known.id)
     place = np.minimum(np.searchsorted(known.id[order], ids), len(order) - 1)
     if not np.array_equal(known.id[order][place], ids):
         missing = int(ids[known.id[order][place] != ids][0])
-        raise RunFolderError(f"id {missing}: is in the dump, but not among the spheres of the deck at its start")
+        raise RunFolderError(f"id {missing}: is in the dump, but not among the spheres of the deck when its run begins")
     return np.asarray(values[order][place])
 
 
@@ -211,7 +213,7 @@ def _factor(units: Units, mass: int, length: int, time: int) -> float:
 
 
 def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
-    """Yield the snapshots of the dumps of one run; those with other columns are joined by step."""
+    """Yield the snapshots of the dumps of one run; dumps with different columns are joined by step."""
     groups: dict[frozenset[str], list[tuple[int, Path]]] = {}
     for path in paths:
         first = next(frames(path, lambda _: None), None)
@@ -226,7 +228,7 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
         heads = [next(stream, None) for stream in streams]
         while len({None if head is None else head.step for head in heads}) > 1:
             if None in heads:
-                say("the dumps end at different steps; what follows the end of the shortest is left out")
+                say("the dumps end at different steps; snapshots after the end of the shortest are left out")
                 return
             last = max(head.step for head in heads if head is not None)
             heads = [
@@ -240,7 +242,7 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
 
 
 def _refuse_together(one: tuple[int, Path], other: tuple[int, Path]) -> None:
-    """Raise RunFolderError where two dumps with the same columns begin at one step."""
+    """Raise RunFolderError if two dumps with the same columns begin at the same step."""
     (step, path), (begin, after) = one, other
     if step == begin:
         raise RunFolderError(
@@ -254,14 +256,14 @@ def _following(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
 
 
 def _merged(heads: Sequence[Frame]) -> Frame:
-    """Return one snapshot of several of the same step, with the spheres that are in all of them."""
+    """Join snapshots of the same step into one, with the spheres that are in all of them."""
     first = heads[0]
     if len(heads) == 1:
         return first
     ids = first.columns["id"]
     for head in heads[1:]:
         ids = np.intersect1d(ids, head.columns["id"])
-    finest = sorted(heads, key=lambda head: head.resolution)  # what several dumps hold is taken with most digits
+    finest = sorted(heads, key=lambda head: head.resolution)  # of several dumps, the one with the most digits counts
     columns = {
         name: values[np.isin(head.columns["id"], ids)]
         for head in reversed(finest)
@@ -274,7 +276,7 @@ def _merged(heads: Sequence[Frame]) -> Frame:
 
 
 class _Reading:
-    """Snapshots that are read one after another, and what is found out about them."""
+    """Snapshots that are read one after another, and the facts collected from them."""
 
     def __init__(self, known: Known) -> None:
         self.known = known
@@ -282,13 +284,13 @@ class _Reading:
         self.first: Frame | None = None
         self.units = STYLES["si"]
         self.names: list[str] = []  # columns of the folder's dump
-        self.ids = self.before = np.empty(0)  # spheres of the snapshot before, and their places
+        self.ids = self.before = np.empty(0)  # spheres of the previous snapshot, and their places
         self.resolution = inf
         self.come_and_go: set[int] = set()
         self.begun = np.empty((0, 3))  # places in the first snapshot
         self.far = False
-        self.largest = np.zeros(3)  # displacements from there along each axis
-        self.deforms = False  # the box, along an axis that is periodic
+        self.largest = np.zeros(3)  # largest displacements from there along each axis
+        self.deforms = False  # whether the box changes along a periodic axis
 
     def say(self, sentence: str) -> None:
         """Keep a remark."""
@@ -301,7 +303,7 @@ class _Reading:
         edges, first = frame.cell[frame.periodic], self.first.cell[frame.periodic]
         if not self.deforms and not np.allclose(edges, first, rtol=1e-9, atol=0.0):
             self.deforms = True
-            self.say(f"step {frame.step}: the box is another one; contacts and their forces are refused")
+            self.say(f"step {frame.step}: the box has changed; contacts and their forces are refused")
         lacking = [name for name in self.names if name not in table]
         if lacking:
             raise RunFolderError(f"step {frame.step}: lacks the column {lacking[0]}, which earlier snapshots have")
@@ -316,20 +318,20 @@ class _Reading:
         stream.write(numbers.data)
 
     def begin(self, frame: Frame) -> None:
-        """Find out units and columns from the first snapshot."""
+        """Take units and columns from the first snapshot."""
         self.first = frame
         style = self.known.units or frame.units
         if style is None:
-            raise RunFolderError(f"units are not said in the dump; give units=STYLE, one of {', '.join(STYLES)}")
+            raise RunFolderError(f"the dump does not state its units; give units=STYLE, one of {', '.join(STYLES)}")
         if frame.units not in (None, style):
             raise RunFolderError(f"units = {style!r}: the dump says units {frame.units}")
         if style not in STYLES:
             raise RunFolderError(f"the dump says units {style}: must be one of {', '.join(STYLES)}")
         if self.known.timestep is None and frame.time is None:
-            raise RunFolderError("the time of a step is not said in the dump; give timestep=VALUE in its units")
+            raise RunFolderError("the dump does not state its times; give timestep=VALUE in its units")
         self.units = STYLES[style]
         if "vx" not in frame.columns:
-            self.say("the dump holds no velocities; they are differences of places between its snapshots")
+            self.say("the dump holds no velocities; differences of places between its snapshots replace them")
         self._refuse_lacking(frame)
         self.names = [*self._table(frame)]
 
@@ -393,14 +395,14 @@ class _Reading:
 
     def _by_type(self, name: str, values: Sequence[float] | None, types: Floats) -> Floats:
         if values is None:
-            raise RunFolderError(f"the {name} of the spheres is not said in the dump; give {name}=VALUE in its units")
+            raise RunFolderError(f"the dump holds no {name} of the spheres; give {name}=VALUE in its units")
         kinds = int(types.max(initial=1))
         if len(values) not in (1, kinds) and len(values) < kinds:
             raise RunFolderError(f"{name}: {len(values)} numbers, but the spheres have {kinds} types")
         return np.asarray(values, dtype=float)[types.astype(int) - 1 if len(values) > 1 else np.zeros(len(types), int)]
 
     def _followed(self, frame: Frame) -> Floats:
-        """Return unwrapped places: without image flags by the least images from the snapshot before."""
+        """Return unwrapped places; without image flags, each sphere takes the image nearest to its previous place."""
         places, wrapped = frame.places()
         ids = frame.columns["id"]
         if frame is not self.first:
@@ -419,20 +421,22 @@ class _Reading:
         return places
 
     def _say_far(self, frame: Frame, way: Floats) -> None:
-        """Say once that spheres move so far between two snapshots that the least image may be another."""
+        """Say once that spheres move so far between two snapshots that the nearest image may be the wrong one."""
         periods = np.abs(way @ np.linalg.inv(frame.cell)) * frame.periodic
         if periods.max(initial=0.0) > _FAR and not self.far:
             self.far = True
             self.say(
-                f"step {frame.step}: spheres move by {periods.max():.2g} of a period between two snapshots, and their "
-                "image may be another; write the dump with ix iy iz, or with xu yu zu"
+                f"step {frame.step}: spheres move by {periods.max():.2g} of a period between two snapshots, so "
+                "that the nearest image may be the wrong one; write the dump with ix iy iz, or with xu yu zu"
             )
 
     def _say_changes(self, step: int, ids: Floats, both: Floats) -> None:
-        for verb, others in (("appear", np.setdiff1d(ids, both)), ("vanish", np.setdiff1d(self.ids, both))):
+        changes = ("appears", "appear", np.setdiff1d(ids, both)), ("vanishes", "vanish", np.setdiff1d(self.ids, both))
+        for one, several, others in changes:
             if len(others):
                 said = ", ".join(f"{each:.0f}" for each in others[:_NAMED]) + ", …" * (len(others) > _NAMED)
-                self.say(f"step {step}: {len(others)} spheres {verb} (id {said}); they are left out")
+                many = f"{len(others)} spheres {several}" if len(others) > 1 else f"1 sphere {one}"
+                self.say(f"step {step}: {many} (id {said}); spheres that come or go are left out")
                 self.come_and_go |= {int(each) for each in others}
 
     def _refuse_half(self, first: Frame) -> None:
@@ -456,7 +460,7 @@ class _Reading:
         return {name: found[:_NAMED].tolist() for name, found in either.items()}
 
     def described(self, paths: Sequence[Path]) -> dict[str, Any]:
-        """Return what ``run.json`` says of the crystal."""
+        """Return the entry of the crystal in ``run.json``."""
         first, units = self.first, self.units
         assert first is not None
         if {int(each) for each in self.ids} <= self.come_and_go:

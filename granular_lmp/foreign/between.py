@@ -1,4 +1,4 @@
-"""Commands that change the motion of spheres while a dump is on, and commands that depend on runs not executed here."""
+"""Find commands that change the motion while a dump is on, act beside contacts and fixes, or depend on skipped runs."""
 
 from collections.abc import Iterator, Sequence
 
@@ -33,7 +33,7 @@ _HARMLESS = (
     *("min_modify", "min_style", "neighbor", "comm_modify", "comm_style", "processors", "molecule", "labelmap"),
     *("package", "suffix", "group2ndx"),
 )
-# Commands whose effect is in what was read: spheres, box, laws, fixes, and the order of commands
+# Commands whose effect is fully in the spheres, box, laws and fixes that were read, or in the order of commands
 UNDERSTOOD = (
     *("atom_modify", "atom_style", "boundary", "change_box", "comm_modify", "comm_style", "compute", "create_atoms"),
     *("create_box", "delete_atoms", "dimension", "displace_atoms", "fix", "group", "lattice", "mass", "neigh_modify"),
@@ -43,9 +43,9 @@ UNDERSTOOD = (
     *("timer", "dump", "dump_modify", "undump", "thermo", "thermo_style", "thermo_modify", "balance", "compute_modify"),
     *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
 )
-# Commands behind which spheres go on from a state that the dump holds
+# Commands that set a state which the first snapshot of the dump holds
 _OF_STATE = ("read_restart", "read_dump", "rerun", "molecule", "labelmap", "group2ndx", "box", "fix_modify")
-MOVING = ("minimize", "rerun", "displace_atoms", "read_dump", "change_box")  # commands that move spheres in no time
+MOVING = ("minimize", "rerun", "displace_atoms", "read_dump", "change_box")  # they move spheres while no time passes
 _BY_STATE = ("region", "variable")  # styles of group that choose spheres by their places or other values
 
 
@@ -94,7 +94,7 @@ def _within(run: Command) -> bool:
 
 
 def _changes(command: Command, before: Sequence[Command]) -> bool:
-    """Return whether a command may change the motion of spheres; one that is not known does."""
+    """Return whether a command may change the motion of spheres; an unknown command may."""
     if command.name == "fix":
         return acts(command)
     if command.name == "unfix":
@@ -107,7 +107,7 @@ def _changes(command: Command, before: Sequence[Command]) -> bool:
 
 
 def _unsure_groups(reading: Reading, recorded: Recorded) -> dict[str, Command]:
-    """Return the groups whose spheres depend on runs that are not executed here, each with the command that says so."""
+    """Return the groups whose spheres change or depend on skipped runs, each with the command that makes it so."""
     found: dict[str, Command] = {}
     skipped = {id(stage.command) for stage in reading.stages if stage.long or stage.steps is None}
     late = False
@@ -125,14 +125,14 @@ def _unsure_groups(reading: Reading, recorded: Recorded) -> dict[str, Command]:
 
 
 def place_of(reading: Reading, command: Command) -> int:
-    """Return the place of a command in the order of execution; in a loop a line comes several times."""
+    """Return the place of a command in the order of execution; in a loop a line is executed several times."""
     return next(n for n, each in enumerate(reading.commands) if each is command)
 
 
 def unread_commands(reading: Reading, recorded: Recorded, held: NDArray[np.bool_]) -> Iterator[str]:
-    """Yield commands before a run with an effect that is not in spheres, laws and fixes, as bonds.
+    """Yield commands before a run whose effect is not in spheres, laws and fixes, such as bonds.
 
-    Pairs of held spheres may be kept out of the lists of neighbours, as nothing moves these.
+    Pairs of held spheres may be excluded from the lists of neighbours, as nothing moves held spheres.
     """
     resting = recorded.spheres.id[held]
     for command in reading.commands[: place_of(reading, recorded.stage.command)]:

@@ -1,4 +1,4 @@
-"""Checks of what a deck writes and reads, and of the settings that LAMMPS needs for it."""
+"""Checks of the files that a deck writes and reads, and of the settings that LAMMPS needs for them."""
 
 import re
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from granular_lmp.foreign.reading import Reading
 from granular_lmp.foreign.stages import DUMPS
 from granular_lmp.foreign.vibrations import contacts_of, expected_displacement
 
-_DIGITS = 3  # of the overlap that a dump should leave
+_DIGITS = 3  # a dump should resolve displacements of the size of an overlap with this many digits
 _POSITIONS = ("x", "y", "z", "xs", "ys", "zs", "xu", "yu", "zu", "xsu", "ysu", "zsu")
 _SINGLE = {"dcd": 7, "xtc": 6, "xyz": 6, "atom": 6}  # digits of the styles of dumps without columns
 _ON_FACE = 1e-9  # distance from a periodic face, in radii
@@ -36,7 +36,7 @@ def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
 
 
 def _unit(reading: Reading, dump: Command) -> float:
-    """Return the last digit of the positions of a dump, in units of the deck; 0 if displacements stand beside them."""
+    """Return the unit of the last digit of positions in a dump, in units of the deck; 0 if it holds displacements."""
     spheres = reading.spheres
     assert spheres is not None
     largest = np.abs(spheres.position).max(axis=0)[: reading.dimension]
@@ -69,7 +69,7 @@ def _formats(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[
 
 
 def _rounding(text: str, largest: float) -> float:
-    """Return the last digit of numbers up to a largest one by a format of C; 0 of one that is not known."""
+    """Return the last digit of numbers up to a largest one in a format of C; 0 if the format is not known."""
     match = re.search(r"%[-+ #0]*\d*(?:\.(\d+))?l?([efg])", text)
     if match is None:
         return 0.0
@@ -177,7 +177,7 @@ CHECKS = (
     ),
     Check(
         "restart-without-law",
-        "LAMMPS restores the pair style of a restart file without its reach, so that contacts may have no force.",
+        "LAMMPS restores the pair style of a restart file without its cutoff, so that contacts may have no force.",
         _restart_without_law,
     ),
     Check(
@@ -187,7 +187,7 @@ CHECKS = (
     ),
     Check(
         "lost-spheres",
-        "Spheres that a step too long or an open face loses vanish without an error.",
+        "Spheres that leave because of too long a step or an open face vanish without an error.",
         _ignored_loss,
     ),
 )

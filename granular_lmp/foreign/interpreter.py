@@ -1,10 +1,10 @@
-"""A deck of any origin, executed by LAMMPS command by command, without its output and without its long runs.
+"""Let LAMMPS execute a deck of any origin command by command, without its output and without its long runs.
 
-LAMMPS resolves variables, formulas and files. What steers the order of commands (``include``, ``jump``, ``label``,
-``next``, ``if``) is done here, so that each command is known with its file, its line and its resolved words. Commands
-that write files are kept and not executed; a fix writes into the working directory of the process. Commands that run
-other programs are refused, and so are those that are not in the list. Of a run of more than one step only the forces of
-its first step are computed.
+LAMMPS resolves variables, formulas and files. This module executes the commands that steer the order of others
+(``include``, ``jump``, ``label``, ``next``, ``if``), so that each command is known with its file, its line and its
+resolved words. Commands that write files are noted, not executed; a fix writes into the working directory of the
+process. Commands that run other programs are refused, and so are unknown commands. For a run of more than one step only
+the forces of its first step are computed.
 """
 
 import re
@@ -15,7 +15,7 @@ from typing import Any
 from granular_lmp.errors import DeckError
 from granular_lmp.frozen import dataclass
 
-MOST_COMMANDS = 100_000  # a loop that never ends is stopped after a second or two
+MOST_COMMANDS = 100_000  # stops an endless loop after a second or two
 _WORD = re.compile(r'"""(.*?)"""|"([^"]*)"|\'([^\']*)\'|(\S+)', re.DOTALL)
 _RUN = re.compile(
     r"run [-+]?\d+( upto| (start|stop) \S+| (pre|post) (yes|no|on|off|true|false))*( every .*)?", re.DOTALL
@@ -58,7 +58,7 @@ _EXECUTED = {
 }
 _STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "python/move", "imd", "ipi", "mdi/qm", "mdi/qmmm", "client/md")
 _PLACE_OF_STYLE = {"fix": 3, "variable": 2, "pair_style": 1}
-# Commands that read files, and how many of their words are names
+# Commands that read files, and the place of the first word that may name one
 _READING = {"read_data": 1, "read_restart": 1, "read_dump": 1, "molecule": 2, "create_atoms": 1}
 _READING |= {"pair_coeff": 3, "region": 3, "fix": 4}
 _BEFORE_OUTPUT = ("file", "append", "overwrite", "out")
@@ -70,7 +70,7 @@ class Command:
 
     Attributes
     ----------
-    file : name of the file in which it stands.
+    file : name of its file.
     line : number of its first line.
     words : its words, without quotes.
     unsure : whether LAMMPS would give it other words if it had executed the long runs before.
@@ -102,9 +102,9 @@ def split(text: str) -> tuple[str, ...]:
 
 
 def lines_of(text: str) -> list[tuple[int, str]]:
-    """Return the commands of a file as they are written, each with the number of its first line, without comments.
+    """Return the commands of a file as written but without comments, each with the number of its first line.
 
-    As in LAMMPS lines are joined before comments are stripped: a comment that ends in "&" takes the next line with it.
+    As in LAMMPS, lines are joined before comments are stripped: a comment that ends in "&" swallows the next line.
     A file that ends within a command leaves the last command with its "&", or with its open quotes.
     """
     found: list[tuple[int, str]] = []
@@ -124,23 +124,23 @@ def lines_of(text: str) -> list[tuple[int, str]]:
 
 
 class Interpreter:
-    """The commands of a deck, executed by an instance of LAMMPS.
+    """Executes the commands of a deck in an instance of LAMMPS.
 
     Parameters
     ----------
     lmp : lammps.lammps
         The instance.
     deck : Path
-        The deck; files that it names are looked for in its folder.
+        The deck; the files that it names are in its folder.
     at_run : callable
-        Called before a command that moves spheres, with the command and its number of steps (None of a minimization);
+        Called in place of a run or a minimization, with the command and its number of steps (None for a minimization);
         it lets LAMMPS compute the forces.
     tell : callable, optional
         Called with each command before it is executed.
 
     Attributes
     ----------
-    commands : those met so far, in the order of their execution.
+    commands : the commands so far, in the order of their execution.
     """
 
     def __init__(
@@ -168,7 +168,7 @@ class Interpreter:
         Raises
         ------
         DeckError
-            If it runs other programs, loops for ever, or LAMMPS refuses a command.
+            If the deck runs other programs or loops for ever, or if LAMMPS refuses a command.
         """
         while self._files:
             path, lines = self._files[-1]
@@ -180,7 +180,7 @@ class Interpreter:
 
     def _open(self, path: Path, label: str | None = None) -> None:
         if path.exists() and not path.is_file():
-            raise DeckError(f"{path}: is no file")
+            raise DeckError(f"{path}: is not a file")
         try:
             text = path.read_text(encoding="utf-8", errors="replace")
         except OSError as error:
@@ -198,7 +198,7 @@ class Interpreter:
         if (file, line) in self._unfinished and text.endswith("&"):
             raise DeckError(f"{where}: the file ends in '&' here, and LAMMPS refuses '{text}'; take out the '&'")
         if len(self.commands) > MOST_COMMANDS:
-            raise DeckError(f"{where}: stopped after {MOST_COMMANDS} commands; is this a loop without an end?")
+            raise DeckError(f"{where}: stopped after {MOST_COMMANDS} commands; is this an endless loop?")
         words = split(self._asked(where, text, lambda: self.lmp.expand(text)))
         if not words:
             return
@@ -207,11 +207,11 @@ class Interpreter:
         self.commands.append(command)
         self._tell(command)
         style = words[_PLACE_OF_STYLE[words[0]] :] if words[0] in _PLACE_OF_STYLE else ()
-        if words[0] != "pair_style":  # a hybrid one names several
+        if words[0] != "pair_style":  # a hybrid pair style names several styles
             style = style[:1]
         if words[0] in _RUNNING_PROGRAMS or set(style) & set(_STYLES_RUNNING_PROGRAMS):
             raise DeckError(
-                f"{where}: '{command}' may run other programs, which is not done here; take the line out of a copy"
+                f"{where}: '{command}' may run other programs, which is refused here; remove it from a copy"
             )
         steering = getattr(self, f"_do_{words[0]}", None)
         if steering is not None:
@@ -223,11 +223,11 @@ class Interpreter:
             self._asked(where, text, lambda: self._at_run(command, _steps(words)))
         elif words[0] == "run":  # LAMMPS says what is wrong with it, and executes nothing
             self._asked(where, text, lambda: self.lmp.command(text))
-            raise DeckError(f"{where}: '{command}' is a run that is not known here; take the line out of a copy")
+            raise DeckError(f"{where}: '{command}' has keywords that are not known here; remove them from a copy")
         elif words[0] in _EXECUTED:
             self._asked(where, text, lambda: self.lmp.command(self._with_paths(text)))
         elif words[0] not in _WRITING:
-            raise DeckError(f"{where}: '{command}' is a command that is not known here; take the line out of a copy")
+            raise DeckError(f"{where}: '{command}' is a command that is not known here; remove it from a copy")
 
     def _unsure(self, text: str) -> bool:
         """Return whether the values in a line depend on long runs, which are not executed."""
@@ -281,7 +281,7 @@ class Interpreter:
         self._open(self.folder / command.words[1])
 
     def _do_label(self, _: Command) -> None:
-        """Pass a label by."""
+        """Do nothing at a label."""
 
     def _do_next(self, command: Command) -> None:
         self.lmp.command(str(command))

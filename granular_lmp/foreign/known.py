@@ -1,4 +1,4 @@
-"""The dumps of a foreign deck, with the units, spheres, laws and time step that the deck gives."""
+"""Dumps of a foreign deck, with the units, spheres, laws and time step from the deck."""
 
 from collections.abc import Sequence
 from fnmatch import fnmatch
@@ -15,20 +15,20 @@ from granular_lmp.foreign.stages import DUMPS, Recorded, Stage
 
 
 def dumps_of(reading: Reading) -> list[Path]:
-    """Return the files of the first dump of a deck, and of those that are written at the same steps.
+    """Return the files of the first dump of a deck, and of the dumps that are written at the same steps.
 
     Raises
     ------
     RunFolderError
-        If the deck has no dump of spheres, or its files are not there.
+        If the deck has no dump of spheres, or the files of the dump are missing.
     """
     same = _first_dumps(reading)
     if not same:
-        raise RunFolderError(f"{reading.deck}: has no dump of style custom or atom; name its dumps behind it")
+        raise RunFolderError(f"{reading.deck}: has no dump of style custom or atom; give the dumps after the deck")
     found = [path for each in same for path in files_of(Path(reading.deck).parent, each)]
     if not found:
         raise RunFolderError(
-            f"{Path(reading.deck).parent / same[0].words[5]}: missing; the deck writes it, run it first"
+            f"{Path(reading.deck).parent / same[0].words[5]}: missing; run the deck first, which writes it"
         )
     return found
 
@@ -41,9 +41,9 @@ def _first_dumps(reading: Reading) -> list[Command]:
 
 
 def writers_of(reading: Reading, files: Sequence[str | Path]) -> list[Command]:
-    """Return the commands of the dumps of spheres that wrote some files, by their names, in the order of the deck.
+    """Return the dump commands that wrote some files of spheres, by the names of the files, in the order of the deck.
 
-    Of several commands with one name the last counts, as LAMMPS overwrites the file; with ``append`` they all do.
+    If several commands write one file, the last one counts, as LAMMPS overwrites the file; with ``append`` all count.
     """
     found: list[Command] = []
     appended = {each.words[1] for each in reading.named("dump_modify") if "append" in each.words}
@@ -55,26 +55,26 @@ def writers_of(reading: Reading, files: Sequence[str | Path]) -> list[Command]:
 
 
 def files_of(folder: Path, command: Command) -> list[Path]:
-    """Return the files that a dump wrote, one for each step where its name holds an asterisk."""
+    """Return the files that a dump wrote: one, or one for each step if its name holds an asterisk."""
     place = folder / command.words[5]
     return [path for path in sorted(place.parent.glob(place.name)) if path.is_file()]
 
 
 def known_of(reading: Reading, given: Known, dumps: Sequence[str | Path] = ()) -> tuple[Known, list[str]]:
-    """Return what a deck and its user know together of some of its dumps, and remarks; what the user gives counts.
+    """Return the knowledge of a deck and its user about some of its dumps, and remarks; the user's values count.
 
-    Without dumps they are those of `dumps_of`.
+    The default are the dumps of `dumps_of`.
 
     Raises
     ------
     RunFolderError
-        If LAMMPS refuses the deck before its first run.
+        If LAMMPS refuses the deck before its first long run, or meets none.
     """
     writers = writers_of(reading, dumps or [each.words[5] for each in _first_dumps(reading)])
     recorded = recorded_by(reading, writers)
     if recorded is None:
-        short = "" if reading.spheres is None else f"{reading.deck}: LAMMPS met no run of several steps in it"
-        raise RunFolderError(reading.stopped or short or f"{reading.deck}: LAMMPS met no run in it")
+        short = "" if reading.spheres is None else f"{reading.deck}: it has no run of several steps"
+        raise RunFolderError(reading.stopped or short or f"{reading.deck}: it has no run")
     stage = recorded.stage
     remarks = [f"{reading.deck}: {reading.stopped}"] if reading.stopped else []
     if len({each.timestep for each in reading.stages if each.long}) > 1 and given.timestep is None:
@@ -99,7 +99,7 @@ def known_of(reading: Reading, given: Known, dumps: Sequence[str | Path] = ()) -
 
 
 def _unknown_step(reading: Reading, recorded: Recorded) -> bool:
-    """Return whether ``fix dt/reset`` chose the time step of a run, or of an earlier one without ``timestep`` behind.
+    """Return whether ``fix dt/reset`` chose the time step of a run, in it or in an earlier run.
 
     The dumps must then hold their times.
     """
@@ -116,12 +116,12 @@ def _unknown_step(reading: Reading, recorded: Recorded) -> bool:
 
 
 def law_of(text: str, types: int) -> dict[tuple[int, int], Law]:
-    """Return one law for all pairs of types from what stands behind the types in ``pair_coeff``.
+    """Return one law for all pairs of types from the words after the types in ``pair_coeff``.
 
     Raises
     ------
     RunFolderError
-        If the words are no law of ``pair_style granular``.
+        If the words are not a law of ``pair_style granular``, or have an option that is not read.
     """
     words: Sequence[str] = text.split()
     command = Command("--law", 1, ("pair_coeff", "*", "*", *words))
@@ -130,7 +130,7 @@ def law_of(text: str, types: int) -> dict[tuple[int, int], Law]:
     except ValueError as error:
         raise RunFolderError(f"law = {text!r}: {error}") from error
     if law is not None and law.unread:
-        raise RunFolderError(f"law = {text!r}: {law.unread} is not read; the witness knows no such contacts")
+        raise RunFolderError(f"law = {text!r}: {law.unread} is not built; the witness knows tangential and damping")
     if law is None:
         raise RunFolderError(f"law = {text!r}: must be as in pair_coeff, for instance 'hertz/material 2e11 0 0.3'")
     return {(i, j): law for j in range(1, types + 1) for i in range(1, j + 1)}

@@ -1,4 +1,4 @@
-"""The contact laws of a deck, as its ``pair_style``, ``pair_coeff`` and ``fix wall/gran`` give them.
+"""Contact laws of a deck from its ``pair_style``, ``pair_coeff`` and ``fix wall/gran``.
 
 ``pair_style granular`` has a normal law, a tangential law and a damping law for each pair of types; the older styles
 ``gran/hooke``, ``gran/hooke/history`` and ``gran/hertz/history`` have one law for all spheres. Stiffnesses are in units
@@ -23,7 +23,7 @@ from granular_lmp.units import AnyUnits
 
 Floats = NDArray[np.float64]
 
-_NORMAL = {  # the names of their coefficients, in LAMMPS's order
+_NORMAL = {  # names of the coefficients of each law, in LAMMPS's order
     "hooke": ("stiffness", "damping"),
     "hertz": ("stiffness", "damping"),
     "hertz/material": ("young", "damping", "poisson"),
@@ -53,15 +53,15 @@ class Law:
 
     Attributes
     ----------
-    command : where it stands.
+    command : the command that gives it.
     normal, tangential, damping_law : names of its parts.
-    young, poisson, gamma : material of the normal law, where it has one.
-    stiffness : that of "hooke" and "hertz".
+    young, poisson, gamma : material of the normal law, if it has one.
+    stiffness : coefficient of "hooke" and "hertz".
     damping : coefficient of the damping law.
-    shear_stiffness : as it stands; None if it is NULL.
+    shear_stiffness : as written; None if it is NULL.
     shear_damping, friction : of the tangential law.
-    mixed : whether LAMMPS mixes it from the laws of the two types.
-    unread : the first option that no part of this package computes, as "rolling sds"; "" if there is none.
+    mixed : whether LAMMPS mixes the law from those of the two types.
+    unread : the first option that this package does not compute, such as "rolling sds"; "" if there is none.
     shear_share : shear stiffness over that of contact mechanics, for a mixed law.
     """
 
@@ -101,7 +101,7 @@ class Law:
         return one[0] / 2, one[1] / 2
 
     def elastic(self, radius: Any) -> AdhesionLaw | None:
-        """Return the law of contacts with effective radii; None where the normal law has no material."""
+        """Return the law of contacts with these effective radii; None if the normal law has no material."""
         if self.normal not in MATERIAL:
             return None
         modulus, shear = self.effective()
@@ -111,7 +111,7 @@ class Law:
         return kind.between(modulus, shear * self.shear_share, radius, 2 * self.gamma)
 
     def stiffnesses(self, radius: Floats, overlap: Floats) -> tuple[Floats, Floats]:
-        """Return ∂f_N/∂δ and ∂f_S/∂ξ of contacts with effective radii and overlaps."""
+        """Return ∂f_N/∂δ and ∂f_S/∂ξ of contacts with these effective radii and overlaps."""
         elastic = self.elastic(radius)
         if elastic is not None:
             inside = np.maximum(elastic.nearest(overlap), 0.0 if self.normal != "jkr" else -np.inf)
@@ -126,10 +126,10 @@ class Law:
         return normal, shear if self.has_history else np.zeros_like(shear)
 
     def collision(self, radius: float, mass: float, speed: float) -> float | None:
-        """Return how long two spheres touch that meet head-on without adhesion and damping, or None if it is unknown.
+        """Return the contact time of two spheres that meet head-on without adhesion and damping; None if unknown.
 
-        With a law f = k δ^{3/2} and the effective mass m they touch for 2.943 δmax/v, δmax = (5mv²/4k)^{2/5}; with
-        f = k δ for π √(m/k).
+        With the effective mass m, it is 2.943 δmax/v, δmax = (5mv²/4k)^{2/5}, for a law f = k δ^{3/2}, and π √(m/k)
+        for f = k δ.
         """
         normal, _ = self.stiffnesses(np.array([radius]), np.array([1.0]))
         if self.normal == "jkr" or not normal[0]:
@@ -139,7 +139,7 @@ class Law:
         return float(2.943 * (5 * mass * speed**2 / (4 * normal[0] / 1.5)) ** 0.4 / speed)
 
     def in_si(self, units: AnyUnits) -> dict[str, Any]:
-        """Return what ``run.json`` says of a law, in SI units (of units lj in these); a damping also as it stands."""
+        """Return the entry of a law in ``run.json``, in SI units (units lj stay); a damping also as written."""
         pressure = {"mass": 1, "length": -1, "time": -2}
         return {
             "normal": self.normal,
@@ -159,7 +159,7 @@ class Law:
         }
 
     def dashpot(self, radius: Floats, overlap: Floats, mass: Floats) -> Floats:
-        """Return the coefficient of the normal force over the approaching velocity, with the effective mass."""
+        """Return the normal force of the dashpot over the approaching velocity; `mass` is the effective mass."""
         if self.damping_law == "velocity":
             return np.full_like(overlap, self.damping)
         if self.damping_law == "mass_velocity" or (self.normal in CLASSIC and "hertz" not in self.normal):
@@ -173,7 +173,7 @@ class Law:
 
 
 def laws_of(commands: Sequence[Command], types: int) -> dict[tuple[int, int], Law]:
-    """Return the law of each pair of types, the lower one first; empty where the pair style is not known."""
+    """Return the law of each pair of types, the lower type first; empty if a law or a label of a type is not known."""
     styles = [command for command in commands if command.name == "pair_style"]
     if not styles:
         return {}
@@ -201,8 +201,8 @@ def laws_of(commands: Sequence[Command], types: int) -> dict[tuple[int, int], La
 def granular(command: Command, words: Sequence[str]) -> Law | None:
     """Return the law that the words of ``pair_coeff`` or ``fix wall/gran granular`` give; None if it is unknown.
 
-    Words are taken in their order as LAMMPS takes them: of two ``tangential`` or ``damping`` the last one holds. Of a
-    law with an option that is not known, `Law.unread` names the option.
+    Words are read in their order, as in LAMMPS: of two ``tangential`` or ``damping`` the last one holds. `Law.unread`
+    names an option that is not known.
     """
     if not words or words[0] not in _NORMAL:
         return None
@@ -227,7 +227,7 @@ def granular(command: Command, words: Sequence[str]) -> Law | None:
 
 
 def law_of_wall(fix: Command) -> tuple[Law | None, tuple[str, ...]]:
-    """Return the law of ``fix wall/gran granular``, None if it is unknown, and the words behind it: the surface."""
+    """Return the law of ``fix wall/gran granular`` (None if it is unknown) and the words after it, the surface."""
     words = fix.words[5:]
     end = next((n for n, word in enumerate(words) if word in _SURFACES), len(words))
     return granular(fix, words[:end]) if fix.words[3:5] == ("wall/gran", "granular") else None, words[end:]
@@ -296,9 +296,9 @@ def _types(word: str, types: int) -> range:
 
 
 def _mixed(one: Law, other: Law) -> Law:
-    """Return the law that LAMMPS mixes, with E*, G* of contact mechanics and the share of G* that LAMMPS takes.
+    """Return the law that LAMMPS mixes, with E*, G* of contact mechanics and the share of G* that LAMMPS uses.
 
-    With the stiffness NULL LAMMPS puts the mixed E* and √(ν1 ν2) in place of the material of either sphere.
+    With the stiffness NULL, LAMMPS computes G* as if both spheres had the mixed E* as modulus, and √(ν1 ν2).
     """
     same: dict[str, Any] = {
         "mixed": True,

@@ -1,6 +1,6 @@
-"""Forces and motions of a deck that are not those of contacts: fixes that push, hold, move or turn spheres, and walls.
+"""Forces and motions of a deck beside its contacts: walls, and fixes that push, hold, move or turn spheres.
 
-A fix that is known neither here nor as harmless is kept by its line, and no witness is made of its deck.
+A fix that is neither known here nor harmless is kept as its line, and no witness of its deck is made.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,7 +27,7 @@ _SPACINGS = dict.fromkeys(("none", "sq", "sq2", "sc", "bcc", "fcc", "diamond"), 
     "hcp": (1.0, 3**0.5, (8 / 3) ** 0.5),
 }
 _INTEGRATORS = ("nve", "nve/sphere", "nve/noforce", "move")
-_FLAT = 1e-9  # of the radius: places of spheres in one plane differ by less
+_FLAT = 1e-9  # of the radius; places of spheres in one plane differ by less
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Motion:
-    """Spheres that a fix moves by ``velocity * t + amplitude * sin(2π t/period)``, from a step on."""
+    """Spheres that a fix moves by ``velocity * t + amplitude * sin(2π t/period)``, where t is 0 at a step `begin`."""
 
     spheres: tuple[int, ...]
     velocity: Vector
@@ -57,18 +57,19 @@ class Outside:
 
     Attributes
     ----------
-    begin : step of the beginning of the run that writes the dump; None if it is not known.
-    history : whether contacts may hold slip then: earlier runs, or a restart file.
-    forgotten : step at which the deck takes up an earlier run from a data file, which holds no slip; None if none.
-    unturned : whether it is known that no sphere turns at the step `begin`.
-    held : spheres that no force moves: they rest, or keep their velocity.
-    frozen : those of ``fix freeze`` among them, which LAMMPS takes for infinitely heavy in dashpots.
+    begin : first step of the run that writes the dump; None if it is not known.
+    history : whether contacts may hold slip then, from earlier runs or a restart file.
+    forgotten : step at which the deck continues an earlier run from a data file, which holds no slip; None if it does
+        not.
+    unturned : whether it is certain that no sphere turns at the step `begin`.
+    held : spheres that no force moves; they rest or keep their velocity.
+    frozen : held spheres of ``fix freeze``, whose mass LAMMPS takes as infinite in dashpots.
     pushes : constant forces.
     walls, motions : planes at rest, and moved spheres.
     rotation : whether forces turn the free spheres.
-    discs : whether these have the moment of inertia of a disc.
-    others : lines of the deck that act, and that no witness knows.
-    unfollowed : sentences on fixes and spheres of the deck that no witness can follow.
+    discs : whether the free spheres have the moment of inertia of a disc.
+    others : lines of the deck that act on the spheres and that no witness knows.
+    unfollowed : sentences on lines and spheres of the deck that no witness can follow, with the reason.
     """
 
     begin: int | None = None
@@ -86,7 +87,7 @@ class Outside:
     unfollowed: tuple[str, ...] = ()
 
     def in_si(self, units: Units) -> dict[str, Any]:
-        """Return what ``run.json`` says of `Outside`, in SI units (of units lj in these)."""
+        """Return the entry of `Outside` in ``run.json``, in SI units (units lj stay)."""
         return {
             "begin": self.begin,
             "history": self.history,
@@ -120,7 +121,7 @@ class Outside:
 
 
 def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outside:
-    """Return what acts on the spheres of a deck while it writes some of its dumps; else those of `Reading.recorded`."""
+    """Return the actions on the spheres of a deck while it writes some dumps (default: those of `Reading.recorded`)."""
     recorded = reading.recorded if dumps is None else recorded_by(reading, dumps)
     if recorded is None:
         return Outside()
@@ -157,13 +158,13 @@ def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outs
 
 
 def recorded_by(reading: Reading, dumps: Sequence[Command]) -> Recorded | None:
-    """Return the first long run in which one of some dumps is on; else `Reading.recorded`."""
+    """Return the first long run in which one of these dumps is on; else `Reading.recorded`."""
     chosen = {id(each) for each in dumps}
     return next((each for each in reading.records if chosen & {*map(id, each.dumps)}), reading.recorded)
 
 
 class _Found:
-    """Actions of the fixes of a run, collected one after the other; arrays have a value for each sphere read."""
+    """Actions of the fixes of a run, collected fix by fix; arrays have a value for each sphere of the deck."""
 
     def __init__(self, reading: Reading, recorded: Recorded) -> None:
         self.reading, self.recorded, self.spheres = reading, recorded, recorded.spheres
@@ -178,7 +179,7 @@ class _Found:
         self.others: list[str] = []
 
     def take(self, fix: Command) -> None:
-        """Add what a fix does."""
+        """Add the action of a fix."""
         style, words = fix.words[3], fix.words[4:]
         members = np.isin(self.spheres.id, self.recorded.members[fix])
         self.integrators += members & (style in _INTEGRATORS)
@@ -222,7 +223,7 @@ class _Found:
         return np.asarray(away < self.spheres.radius)
 
     def _stop(self, fix: Command, members: NDArray[np.bool_]) -> None:
-        """Add ``setforce``: of no force at all, or of none along axes across which the crystal is symmetric."""
+        """Add a ``setforce`` that sets forces to 0: all of them, or those along axes along which no sphere moves."""
         stopped = _zeros(fix.words[4:])
         assert stopped is not None
         self.stopped[members] |= stopped
@@ -234,21 +235,21 @@ class _Found:
 
     @property
     def _flat(self) -> NDArray[np.bool_]:
-        """Axes along which no sphere moves, as all have one place there."""
+        """Axes along which no sphere moves, as all spheres have the same place there."""
         places, speeds = self.spheres.position, self.spheres.velocity
         return np.asarray((np.ptp(places, axis=0) < _FLAT * self.spheres.radius.max()) & ~speeds.any(axis=0))
 
     @property
     def sheared(self) -> bool:
-        """Whether contacts may turn spheres, which those of a line that moves along itself do not."""
+        """Whether contacts may turn spheres; in a line that moves along itself they do not."""
         laws, flat = [*self.recorded.laws.values(), *(wall.law for wall in self.walls)], self._flat
         pushed = self.walls or self.pushes[:, flat].any() or self.spheres.spin.any()
         return any(law.friction for law in laws) and bool(flat.sum() < 2 or pushed)
 
     def _moves(self, fix: Command, members: NDArray[np.bool_]) -> bool:
-        """Add a straight motion, or one to and fro, whose time counts from the making of the fix.
+        """Add a straight or oscillating motion, whose time LAMMPS counts from the command of the fix.
 
-        Return whether it is known.
+        Return whether the motion is known.
         """
         kind, words, begin = fix.words[4], fix.words[5:], self.recorded.begin
         in_box = words[-2:] == ("units", "box")
@@ -275,7 +276,7 @@ class _Found:
         return False
 
     def _force(self, style: str, words: tuple[str, ...]) -> NDArray[np.float64] | None:
-        """Return constant forces on all spheres, (N, 3), or None if they are not known."""
+        """Return constant forces on all spheres, (N, 3); None if they are not constant."""
         if style == "addforce":
             numbers = _numbers(words)
             return None if numbers is None or len(numbers) != 3 else np.tile(numbers, (len(self.spheres.id), 1))
@@ -293,7 +294,7 @@ class _Found:
         return np.outer(self.spheres.mass, size[0] * way / np.linalg.norm(way))
 
     def _walls(self, fix: Command, members: NDArray[np.bool_]) -> list[Wall]:
-        """Return the planes of ``fix wall/gran granular`` with all spheres; none if it is another wall."""
+        """Return the planes of a ``fix wall/gran granular`` for all spheres; [] if it is another wall."""
         law, surface = law_of_wall(fix)
         plane, *ends = surface[:3] or ("",)
         known = law is not None and not law.unread and plane in PLANES and not {*surface[3:]} - {"contacts"}
@@ -307,7 +308,7 @@ class _Found:
 
 
 def _spacing(reading: Reading, fix: Command) -> Vector | None:
-    """Return the distances of the lattice along x, y and z where a fix is made; None if they are not known.
+    """Return the spacings of the lattice along x, y and z at the command of a fix; None if they are not known.
 
     Without ``lattice`` they are 1. In units lj its number is a density, and its options may turn or stretch the cell.
     """
@@ -326,12 +327,12 @@ def _spacing(reading: Reading, fix: Command) -> Vector | None:
 
 
 def _numbers(words: tuple[str, ...]) -> list[float] | None:
-    """Return words as numbers; None if one is no number, as a variable."""
+    """Return words as numbers; None if one is not a number, such as a variable."""
     return [float(word) for word in words] if all(map(is_number, words)) else None
 
 
 def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:
-    """Return the axes along which ``setforce`` leaves no force; None if it does something else."""
+    """Return the axes along which ``setforce`` sets forces to 0; None if it sets other forces."""
     numbers = _numbers(tuple("nan" if word == "NULL" else word for word in words))
     if numbers is None or len(numbers) != 3 or np.any(np.nan_to_num(numbers)):
         return None
@@ -339,10 +340,10 @@ def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:
 
 
 def _stops(fix: Command) -> bool:
-    """Return whether a fix takes the forces of its spheres, but not their torques."""
+    """Return whether a fix sets all forces on its spheres to 0, but not their torques."""
     return fix.words[3] == "setforce" and (stopped := _zeros(fix.words[4:])) is not None and bool(stopped.all())
 
 
 def _forgotten(reading: Reading, recorded: Recorded) -> int | None:
-    """Return the step at which the deck takes up an earlier run from a data file."""
+    """Return the step at which the deck continues an earlier run from a data file; None if it does not."""
     return recorded.begin if reading.data_steps and not recorded.history else None

@@ -1,7 +1,7 @@
-"""A deck of any origin as LAMMPS knows it before its first long run: spheres, contacts, laws, time step, integrators.
+"""Read a deck of any origin as LAMMPS has it before its first long run: spheres, contacts, laws, step, integrators.
 
-`read` executes the deck in this process and in a temporary folder: nothing is written beside the deck. A deck can
-bring down the process, so that commands read it by `granular_lmp.foreign.apart`.
+`read` executes the deck in this process and in a temporary folder, and writes nothing into the folder of the deck. As a
+deck can crash the process, the programs use `granular_lmp.foreign.apart`.
 """
 
 import re
@@ -41,22 +41,22 @@ _LOCAL, _ARRAY, _ATOM = 2, 2, 1  # LMP_STYLE_LOCAL, LMP_TYPE_ARRAY, LMP_VAR_ATOM
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A deck as LAMMPS knows it.
+    """A deck as LAMMPS has it.
 
     Attributes
     ----------
     deck : path of the deck.
-    commands : in the order of their execution, with resolved words.
+    commands : commands in the order of their execution, with resolved words.
     stages : runs and minimizations.
-    stopped : why LAMMPS did not read on; "" if it came to the end.
+    stopped : why reading stopped; "" if it came to the end.
     data_heads : first line of each data file, by the command that reads it.
-    units, dimension, periodic, low, high, tilt : units, dimensions, and the box; its tilt is xy, yz, xz.
-    laws : law of each pair of types, the lower one first; empty where it is not known.
-    spheres, pairs : of the same moment; None if the deck did not come so far, or has no spheres then.
-    records : the long runs in which other dumps of spheres are on than in the record before.
+    units, dimension, periodic, low, high, tilt : units, dimensions and box; the tilt is xy, yz, xz.
+    laws : law of each pair of types, the lower type first; empty if it is not known.
+    spheres, pairs : spheres and neighbours; None if reading stopped earlier, or there are no spheres then.
+    records : a record of each long run in which other dumps of spheres are on than in the record before.
 
-    Units, box, laws, spheres and pairs are those at the beginning of the first long run, or else of the last run; box
-    and laws are those at the end of a deck without runs.
+    Units, box, laws, spheres and pairs are those at the beginning of the first long run; without one, those of the last
+    run. In a deck without runs, units, box and laws are those at its end.
     """
 
     deck: str
@@ -81,18 +81,18 @@ class Reading:
 
     @property
     def dumps(self) -> list[Command]:
-        """Return the commands of dumps that are whole; LAMMPS does not execute them here, and refuses no other."""
+        """Return the complete commands of dumps; LAMMPS does not execute them here, and refuses no incomplete one."""
         return [command for command in self.named("dump") if len(command.words) >= FEWEST["dump"]]
 
     @property
     def data_steps(self) -> dict[Command, int]:
-        """Return the commands that read a data file of an earlier run, and the step at which it was written."""
+        """Return the commands that read the data file of an earlier run, each with the step at which it was written."""
         found = {command: _WRITTEN.search(head) for command, head in self.data_heads.items()}
         return {command: int(match[1]) for command, match in found.items() if match}
 
     @property
     def is_granular(self) -> bool:
-        """Return whether the forces are those of a granular pair style, or of a restart file."""
+        """Return whether the pair style is granular, or may come from a restart file."""
         styles = self.named("pair_style")
         return not styles or any(word.startswith("gran") for word in styles[-1].words[1:])
 
@@ -127,14 +127,14 @@ class Reading:
 def read(
     deck: str | Path, variables: Mapping[str, str] | None = None, tell: Callable[[Command], object] | None = None
 ) -> Reading:
-    """Return what LAMMPS says of a deck, up to the forces at the beginning of each of its runs.
+    """Return a deck as LAMMPS has it, up to the forces at the beginning of each of its runs.
 
     Parameters
     ----------
     deck : str or Path
-        The deck, as ``lmp -in`` takes it.
+        The deck, as for ``lmp -in``.
     variables : mapping of str to str, optional
-        Values of its index variables, as ``lmp -var`` takes them.
+        Values of its index variables, as for ``lmp -var``.
     tell : callable, optional
         Called with each command before LAMMPS executes it.
 
@@ -147,7 +147,7 @@ def read(
     """
     path = Path(deck).absolute()
     if not path.is_file():
-        raise DeckError(f"{deck}: no such deck; give input file, as for 'lmp -in'")
+        raise DeckError(f"{deck}: no such deck; give the input file, as for 'lmp -in'")
     given = [word for name, value in (variables or {}).items() for word in ("-var", name, *value.split())]
     with tempfile.TemporaryDirectory(prefix="granular-lmp-") as folder, chdir(folder):
         lmp = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite", *given])
@@ -185,7 +185,7 @@ def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Rea
 
 
 def _system(lmp: Any, commands: Sequence[Command]) -> dict[str, Any]:
-    """Return units, box and laws as they are now."""
+    """Return the present units, box and laws."""
     box = lmp.extract_box() if lmp.extract_setting("box_exist") else ((0.0,) * 3, (0.0,) * 3, 0, 0, 0, (0,) * 3, 0)
     return {
         "units": str(lmp.extract_global("units")),
@@ -218,7 +218,7 @@ def _run(
     found: dict[str, Any],
     records: list[Recorded],
 ) -> None:
-    """Note a stage, and let LAMMPS do a run of one step, or the forces of the first step of a longer one."""
+    """Note a stage. LAMMPS executes a run of one step, and computes the forces of the first step of a longer one."""
     lmp = deck.lmp
     fixes, dumps = at_work(deck.commands, "fix"), at_work(deck.commands, "dump")
     begin = _begin(deck, stages)
@@ -256,15 +256,15 @@ def _since_clear(deck: Interpreter, stages: Sequence[Stage]) -> list[Stage]:
 
 
 def _has_pairs(commands: Sequence[Command]) -> bool:
-    """Return whether a pair style is on, as LAMMPS refuses to compute pairs without one."""
+    """Return whether there is a pair style; LAMMPS refuses to compute pairs without one."""
     given = [each for each in commands if each.name in ("pair_style", "read_restart", "clear")]
     return bool(given) and given[-1].name != "clear" and given[-1].words[1:2] != ("none",)
 
 
 def _begin(deck: Interpreter, stages: list[Stage]) -> int | None:
-    """Return the step at which a run begins, with the steps of earlier runs that were not taken here.
+    """Return the step at which a run begins, including the steps of earlier runs that were not executed here.
 
-    It is None after a minimization, and after a run that ``fix halt`` may have ended.
+    The step is None after a minimization, and after a run that ``fix halt`` may have ended.
     """
     step = int(deck.lmp.extract_global("ntimestep"))
     runs = {id(stage.command): stage for stage in stages}
@@ -281,7 +281,7 @@ def _begin(deck: Interpreter, stages: list[Stage]) -> int | None:
 
 
 def _record(deck: Interpreter, stages: list[Stage], begin: int | None, records: list[Recorded]) -> None:
-    """Note what acts in a long run, if other dumps of spheres are on than in the record before."""
+    """Add the record of a long run if other dumps of spheres are on than in the record before."""
     stage = stages[-1]
     dumps = of_spheres(stage.dumps)
     if not stage.long or (records and (not dumps or [*map(id, dumps)] == [*map(id, records[-1].dumps)])):

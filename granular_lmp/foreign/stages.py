@@ -1,4 +1,4 @@
-"""Runs of a foreign deck, and its spheres, contacts, laws, fixes and dumps when one begins."""
+"""Runs of a foreign deck, and the spheres, contacts, laws, fixes and dumps at the beginning of a run."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -23,11 +23,11 @@ class Stage:
 
     Attributes
     ----------
-    command : where it stands.
-    steps : number of steps; None of a minimization.
+    command : its command.
+    steps : number of steps; None for a minimization.
     timestep : in units of the deck.
-    fixes, dumps : the commands of those at work.
-    exact : whether the spheres are where they would be: no run of several steps came before.
+    fixes, dumps : commands of the fixes and dumps that are on.
+    exact : whether the spheres are at the places that the deck gives them: no earlier run was skipped.
     """
 
     command: Command
@@ -39,7 +39,7 @@ class Stage:
 
     @property
     def long(self) -> bool:
-        """Return whether it is a run of several steps, which is not executed here."""
+        """Return whether it is a run of several steps, which is skipped here."""
         return self.steps is not None and self.steps > 1
 
     @property
@@ -50,13 +50,13 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Spheres:
-    """The spheres at the beginning of the first long run, in units of the deck.
+    """Spheres at the beginning of a run, in units of the deck.
 
     Attributes
     ----------
     id, type : (N,) arrays.
     radius, mass : (N,) arrays.
-    position, velocity, spin, force, torque : (N, 3) arrays; forces and torques hold those of all fixes too.
+    position, velocity, spin, force, torque : (N, 3) arrays; forces and torques include those of all fixes.
     moves : (N,) array; whether an integrator moves the sphere.
     turns : (N,) array; whether it turns the sphere.
     """
@@ -81,14 +81,14 @@ class Spheres:
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Neighbours within the reach of their law, each pair once: P pairs.
+    """Pairs of neighbours within the range of their law, P pairs, each once.
 
     Attributes
     ----------
     i, j : (P,) arrays; indices of `Spheres`.
     vector : (P, 3) array; from the centre of j to that of i.
     overlap : (P,) array; below 0 across a gap.
-    force : (P, 3) array; on i.
+    force : (P, 3) array; force on i.
     """
 
     i: Integers
@@ -109,11 +109,11 @@ class Recorded:
     Attributes
     ----------
     stage : the run.
-    begin : number of its first step; None if earlier runs may have ended at any step.
+    begin : its first step; None if the steps of earlier runs are not known.
     history : whether steps were taken before, or a restart file was read, so that contacts may hold slip.
-    unturned : whether it is known that no sphere turns at its beginning.
-    spheres : at its beginning; places and velocities are those before the earlier runs, which are not executed here.
-    laws : law of each pair of types, the lower one first; empty where it is not known.
+    unturned : whether it is certain that no sphere turns at its beginning.
+    spheres : spheres at its beginning; places and velocities are those before the earlier runs, which are skipped.
+    laws : law of each pair of types, the lower type first; empty if it is not known.
     members : numbers (``id``) of the spheres of each fix, and of the groups that ``neigh_modify exclude`` names.
     """
 
@@ -138,9 +138,9 @@ def start_of(stages: Sequence[Stage]) -> Stage | None:
 
 
 def at_work(commands: Sequence[Command], kind: str) -> tuple[Command, ...]:
-    """Return the commands of the fixes or dumps that are at work behind some commands, in the order of LAMMPS.
+    """Return the commands of the fixes or dumps that are on after some commands, in the order of LAMMPS.
 
-    A fix that is given again keeps its place.
+    A fix that is given again keeps its place in this order.
     """
     found: dict[str, Command] = {}
     for each in commands:

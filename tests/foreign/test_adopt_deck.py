@@ -266,7 +266,7 @@ def test_slip_that_a_data_file_forgets_is_named(deck: Path, tmp_path: Path) -> N
     found = witness(whole)
     assert not found.explained
     assert (
-        found.reasons[0] == "the deck forgets the slip of its contacts at step 500, where it goes on from a data file"
+        found.reasons[0] == "the deck forgets the slip of its contacts at step 500, where it continues from a data file"
     )
     # What the second deck wrote begins without slip in LAMMPS too
     found = witness(adopted(tmp_path / "in.second", two))
@@ -302,7 +302,7 @@ def test_a_deck_without_dumps_is_refused(deck: Path, tmp_path: Path, capsys: pyt
     text = deck.read_text()
     (tmp_path / "in.new").write_text(text)
     assert main(["adopt", str(tmp_path / "in.new"), "-o", str(tmp_path / "run")]) == 2
-    assert "dump.beads: missing; the deck writes it, run it first" in capsys.readouterr().err
+    assert "dump.beads: missing; run the deck first, which writes it" in capsys.readouterr().err
     (tmp_path / "in.none").write_text("".join(line for line in text.splitlines(True) if "dump" not in line))
     assert main(["adopt", str(tmp_path / "in.none"), "-o", str(tmp_path / "run")]) == 2
     assert "has no dump of style custom or atom" in capsys.readouterr().err

@@ -127,7 +127,7 @@ def test_decks_that_run_programs_are_refused_by_the_line(tmp_path: Path, line: s
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("label a\njump SELF a\n", "a loop without an end"),
+        ("label a\njump SELF a\n", "is this an endless loop"),
         ("jump SELF nowhere\n", "no label 'nowhere'"),
         ("include in.none\n", "cannot be read"),
         ("pair_style nothing\n", "LAMMPS refuses 'pair_style nothing'"),
@@ -192,7 +192,7 @@ def test_a_file_that_is_called_as_a_fix_is_not_taken_for_it(tmp_path: Path) -> N
 
 def test_a_deck_that_is_no_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "in.folder").mkdir()
-    assert "is no file" in of(tmp_path, f"{BEGIN}include in.folder\n").stopped
+    assert "is not a file" in of(tmp_path, f"{BEGIN}include in.folder\n").stopped
 
 
 def test_a_name_like_a_program_is_no_program(tmp_path: Path) -> None:

@@ -350,7 +350,7 @@ def _reasons(crystal: Unnamed, network: Network, first: Moment) -> Iterator[str]
         yield f"the first snapshot is of step {step}: the slip of its contacts is in no dump"
     forgotten = outside["forgotten"]
     if slips and forgotten is not None and step < forgotten < crystal.steps[-1]:
-        yield f"the deck forgets the slip of its contacts at step {forgotten}, where it goes on from a data file"
+        yield f"the deck forgets the slip of its contacts at step {forgotten}, where it continues from a data file"
     unknown = step != outside["begin"] or not outside["unturned"]
     for name, said in (("absent", "of the deck is not in the dump"), ("come_and_go", "comes or goes")):
         if spheres := crystal.known.get(name):
