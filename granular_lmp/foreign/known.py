@@ -5,8 +5,8 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.foreign.adopt_dump import Known
 from granular_lmp.foreign.between import changes
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.laws import Law, granular
 from granular_lmp.foreign.outside import outside_of, recorded_by

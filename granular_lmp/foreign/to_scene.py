@@ -18,9 +18,9 @@ from granular_lmp.crystal.lattices import FREE, HELD, PERIODIC, WALL
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.sphere_table import SITE, SphereTable
 from granular_lmp.errors import GranularError, SceneError
-from granular_lmp.foreign.adopt_dump import Known
 from granular_lmp.foreign.begun import Motion, begins
 from granular_lmp.foreign.between import UNDERSTOOD
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.indexing import Indexed, index, neighbours
 from granular_lmp.foreign.laws import MATERIAL, Law
 from granular_lmp.foreign.likeness import Likeness, likeness

@@ -12,7 +12,8 @@ import pytest
 
 from granular_lmp.cli import main
 from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.lammps.custom_dump import frames
 from granular_lmp.lammps.outputs import UNNAMED
 from granular_lmp.plot.view import view

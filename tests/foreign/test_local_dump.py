@@ -9,7 +9,8 @@ import pytest
 
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, ViewError
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.local_columns import local_dumps
 from granular_lmp.foreign.reading import read
 from granular_lmp.lammps.local_dump import is_local, local_snapshots

@@ -11,7 +11,7 @@ from cases.own_deck.case import DECK
 from granular_lmp import Scene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import GranularError, SceneError
-from granular_lmp.foreign.adopt_dump import Known
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.known import known_of
 from granular_lmp.foreign.likeness import likeness
 from granular_lmp.foreign.outside import outside_of

@@ -8,7 +8,8 @@ from granular_analysis.measure.witness import witness
 from granular_analysis.theory.errors import TheoryError
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.known import dumps_of, known_of
 from granular_lmp.foreign.outside import Outside, outside_of
 from granular_lmp.foreign.reading import Reading, read

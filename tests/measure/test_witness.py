@@ -9,7 +9,8 @@ import pytest
 from granular_analysis.cli import main
 from granular_analysis.measure.witness import EXPLAINED, network_of, witness
 from granular_analysis.theory.errors import TheoryError
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.known import law_of
 from granular_lmp.foreign.laws import Law
 from granular_lmp.foreign.outside import Outside, Wall
