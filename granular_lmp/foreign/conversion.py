@@ -27,6 +27,7 @@ _PLACE = ("xu", "yu", "zu")
 _COARSE = 1e-3  # of the largest displacement: with fewer than three digits a second harmonic is noise
 _FAR = 0.25  # of a period; at 0.5 two opposite displacements lead to the same image
 _DIGITS = 3e-5  # relative difference of two densities that have the same masses and radii, printed by %g
+_PRINTED = 5.1e-6  # relative difference of a number and its six digits
 _STILL = 1e-12  # of the box: displacements below are rounding
 _NAMED = 5  # a sentence names at most this many spheres
 
@@ -148,7 +149,7 @@ class Conversion:
         if len(np.unique(ids)) < len(ids):
             raise RunFolderError(f"step {frame.step}: several spheres have the same id")
         table, known = {"id": ids, "type": self._types(columns, ids)}, self.known.spheres
-        radius = columns.get("radius")
+        radius = _unrounded(columns.get("radius"), None if known is None else known.radius, known, ids)
         if self.known.radius is not None or (radius is None and known is None):
             radius = self._by_type("radius", self.known.radius, table["type"])
         elif radius is None and known is not None:
@@ -156,7 +157,7 @@ class Conversion:
         assert radius is not None
         _refuse_another(frame.step, "radius", columns.get("radius"), radius)
         table["radius"] = units.si(radius, length=1)
-        weight = columns.get("mass")
+        weight = _unrounded(columns.get("mass"), None if known is None else known.mass, known, ids)
         if weight is None and self.known.density is None and known is not None:
             weight = _by_id(known.mass, known, ids)
         if self.known.density is not None:
@@ -292,6 +293,14 @@ def _refuse_another(step: int, name: str, said: Floats | None, given: Floats) ->
         raise RunFolderError(
             f"{name} = {given[worst]:g}: the dump says {said[worst]:g} at step {step}; leave out {name}"
         )
+
+
+def _unrounded(said: Floats | None, values: Floats | None, known: Spheres | None, ids: Floats) -> Floats | None:
+    """Return values of a dump; the value of the deck replaces each that is equal to six digits, as %g prints them."""
+    if said is None or values is None or known is None or not np.isin(ids, known.id).all():
+        return said
+    exact = _by_id(values, known, ids)
+    return np.where(np.isclose(exact, said, rtol=_PRINTED, atol=0.0), exact, said)
 
 
 def _by_id(values: Floats, known: Spheres, ids: Floats) -> Floats:

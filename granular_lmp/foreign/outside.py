@@ -177,6 +177,7 @@ class _Found:
         self.walls: list[Wall] = []
         self.motions: list[Motion] = []
         self.others: list[str] = []
+        self.unknown: list[str] = []
 
     def take(self, fix: Command) -> None:
         """Add the action of a fix."""
@@ -207,6 +208,7 @@ class _Found:
     def unfollowed(self) -> Iterator[str]:
         """Yield sentences on fixes that undo one another, and on spheres with a velocity that no fix moves."""
         ids, fixes = self.spheres.id, self.recorded.stage.fixes
+        yield from self.unknown
         for fix, spheres in self.late:
             if (pushed := spheres & self.moves).any():
                 yield f"{fix.place}: '{fix}' pushes sphere {ids[pushed][0]}, whose forces an earlier fix sets to 0"
@@ -255,10 +257,11 @@ class _Found:
         in_box = words[-2:] == ("units", "box")
         spacing = (1.0, 1.0, 1.0) if in_box else _spacing(self.reading, fix)
         numbers = _numbers(words[:-2] if in_box or words[-2:] == ("units", "lattice") else words)
-        if numbers is None or len(numbers) != {"linear": 3, "wiggle": 4}.get(kind) or begin is None:
+        if numbers is None or len(numbers) != {"linear": 3, "wiggle": 4}.get(kind) or spacing is None:
             return False
-        if spacing is None or self._ran_since(fix):
-            return False
+        if begin is None or self._ran_since(fix):
+            self.unknown.append(f"{fix.place}: '{fix}' began at a step that is not known here")
+            return True
         way, none = (numbers[0] * spacing[0], numbers[1] * spacing[1], numbers[2] * spacing[2]), (0.0, 0.0, 0.0)
         spheres = tuple(np.sort(self.spheres.id[members]).tolist())
         parts = (way, none, 1.0) if kind == "linear" else (none, way, numbers[3])

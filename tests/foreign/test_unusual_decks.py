@@ -277,6 +277,16 @@ UNFOLLOWED = {
         ),
         "'fix 2 first addforce .*' has a value that depends on runs",
     ),
+    "a motion that began at an unknown step": (
+        (
+            (
+                "dump 1 all",
+                "variable k equal step\nfix h all halt 1 v_k > 100\nrun 300\nunfix h\n"
+                "fix 2 last move wiggle -3e-4 0 0 6e-5\ndump 1 all",
+            ),
+        ),
+        "'fix 2 last move wiggle .*' began at a step that is not known here",
+    ),
     "a choice behind a run": (
         (("dump 1 all", f"run 200\nif '$(ke) > 1' then 'fix 2 free {GRAVITY.strip()}'\ndump 1 all"),),
         "'if .*' has a value that depends on runs",
@@ -319,6 +329,12 @@ FOLLOWED = {
     "spheres of another mass": (
         ("mindlin NULL 0.0 0.5", "linear_nohistory 0.0 0.0"),
         ("dump 1 all", "run 20\nset type 2 density 1\nset group first density 3\ndump 1 all"),
+    ),
+    "radii and masses of six digits": (
+        ("diameter 2 density 7.78", "diameter 1.9999333333333333 density 7.777777777"),
+        ("*1.9999\n", "*1.9998333333\n"),
+        ("id type x", "id type radius mass x"),
+        ("float %.17g\n", "float %.17g format 3 %g format 4 %g\n"),
     ),
     "gaps in the numbers": (("group first", "group gone id 3 7\ndelete_atoms group gone compress no\ngroup first"),),
     "a weight that freeze takes": (ALL, ("timestep", f"fix 3 all {GRAVITY}fix 2 last freeze\ntimestep")),
