@@ -18,20 +18,9 @@ HARMLESS_FIXES = (
 _HARMLESS = (
     *("compute", "compute_modify", "uncompute", "thermo", "thermo_modify", "thermo_style", "variable", "region"),
     *("dump", "dump_modify", "undump", "print", "log", "echo", "info", "restart", "timer", "balance", "lattice"),
-    *(
-        "write_coeff",
-        "write_data",
-        "write_dump",
-        "write_restart",
-        "group2ndx",
-        "label",
-        "jump",
-        "next",
-        "if",
-        "include",
-    ),
-    *("min_modify", "min_style", "neighbor", "comm_modify", "comm_style", "processors", "molecule", "labelmap"),
-    *("package", "suffix", "group2ndx"),
+    *("write_coeff", "write_data", "write_dump", "write_restart", "group2ndx", "package", "suffix", "processors"),
+    *("label", "jump", "next", "if", "include", "min_modify", "min_style", "neighbor", "comm_modify", "comm_style"),
+    *("molecule", "labelmap"),
 )
 # Commands whose effect is fully in the spheres, box, laws and fixes that were read, or in the order of commands
 UNDERSTOOD = (
@@ -83,7 +72,7 @@ def changes(reading: Reading, dumps: Sequence[Command], begin: Command | None = 
             begun, waiting = True, []
             if _within(command):
                 yield command
-        elif begun and _changes(command, commands[:number]):
+        elif begun and _changes(commands, number):
             waiting.append(command)
 
 
@@ -93,14 +82,15 @@ def _within(run: Command) -> bool:
     return "every" in words and bool({*words[words.index("every") + 2 :]} - {"NULL"})
 
 
-def _changes(command: Command, before: Sequence[Command]) -> bool:
-    """Return whether a command may change the motion of spheres; an unknown command may."""
+def _changes(commands: Sequence[Command], number: int) -> bool:
+    """Return whether a command, by its number, may change the motion of spheres; an unknown command may."""
+    command = commands[number]
     if command.name == "fix":
         return acts(command)
     if command.name == "unfix":
-        return any(acts(each) for each in at_work(before, "fix") if each.words[1] == command.words[1])
+        return any(acts(each) for each in at_work(commands[:number], "fix") if each.words[1] == command.words[1])
     if command.name == "group":
-        return any(each.name == "group" and each.words[1] == command.words[1] for each in before)
+        return any(each.name == "group" and each.words[1] == command.words[1] for each in commands[:number])
     if command.name == "neigh_modify":
         return "exclude" in command.words
     return command.name not in _HARMLESS

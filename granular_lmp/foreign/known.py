@@ -11,7 +11,7 @@ from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.laws import Law, granular
 from granular_lmp.foreign.outside import outside_of, recorded_by
 from granular_lmp.foreign.reading import Reading
-from granular_lmp.foreign.stages import DUMPS, Recorded, Stage
+from granular_lmp.foreign.stages import DUMPS, Recorded
 
 
 def dumps_of(reading: Reading) -> list[Path]:
@@ -73,8 +73,8 @@ def known_of(reading: Reading, given: Known, dumps: Sequence[str | Path] = ()) -
     writers = writers_of(reading, dumps or [each.words[5] for each in _first_dumps(reading)])
     recorded = recorded_by(reading, writers)
     if recorded is None:
-        short = "" if reading.spheres is None else f"{reading.deck}: it has no run of several steps"
-        raise RunFolderError(reading.stopped or short or f"{reading.deck}: it has no run")
+        short = "" if reading.spheres is None else f"{reading.deck}: has no run of several steps"
+        raise RunFolderError(reading.stopped or short or f"{reading.deck}: has no run")
     stage = recorded.stage
     remarks = [f"{reading.deck}: {reading.stopped}"] if reading.stopped else []
     if len({each.timestep for each in reading.stages if each.long}) > 1 and given.timestep is None:
@@ -103,16 +103,12 @@ def _unknown_step(reading: Reading, recorded: Recorded) -> bool:
 
     The dumps must then hold their times.
     """
-    stage: Stage | None = None
+    resetting, chosen = {id(stage.command) for stage in reading.stages if stage.resets}, False
     for command in reading.commands:
-        at = next((each for each in reading.stages if each.command is command), None)
-        if command.name in ("timestep", "clear"):
-            stage = None
-        elif at is not None and at.resets:
-            stage = at
+        chosen = (chosen or id(command) in resetting) and command.name not in ("timestep", "clear")
         if command is recorded.stage.command:
-            return stage is not None
-    return False
+            break
+    return chosen
 
 
 def law_of(text: str, types: int) -> dict[tuple[int, int], Law]:

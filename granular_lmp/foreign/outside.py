@@ -172,8 +172,8 @@ class _Found:
         self.moves, self.turns, self.discs, self.held, self.frozen, self.moved = np.zeros((6, count), dtype=bool)
         self.pushes = np.zeros((count, 3))
         self.integrators = np.zeros(count, dtype=int)
-        self.stopped = np.zeros((count, 3), dtype=bool)  # axes along which a fix so far takes the forces
-        self.late: list[tuple[Command, NDArray[np.bool_]]] = []  # fixes that push behind it, and the spheres (N,)
+        self.stopped = np.zeros((count, 3), dtype=bool)  # axes along which an earlier fix sets forces to 0
+        self.late: list[tuple[Command, NDArray[np.bool_]]] = []  # fixes that push after it, and spheres (N,)
         self.walls: list[Wall] = []
         self.motions: list[Motion] = []
         self.others: list[str] = []
@@ -216,7 +216,7 @@ class _Found:
             moving = [fix for fix in fixes if fix.words[3] in _INTEGRATORS and sphere in self.recorded.members[fix]]
             yield f"{moving[-1].place}: '{moving[-1]}' moves sphere {sphere}, which '{moving[0]}' moves too"
         speeds = self.spheres.velocity.any(axis=1) | self.spheres.spin.any(axis=1)
-        for sphere in ids[speeds & (self.integrators == 0)][:1]:
+        for sphere in ids[speeds & (self.integrators == 0)][: 0 if self.others else 1]:
             yield f"sphere {sphere} has a velocity or a spin, and no fix moves it; its contacts slip all the same"
 
     def _touches(self, wall: Wall) -> NDArray[np.bool_]:

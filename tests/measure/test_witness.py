@@ -201,6 +201,15 @@ def test_a_held_sphere_that_turns_in_the_deck_is_named(beads: Path, tmp_path: Pa
     assert found.reasons == ("sphere 9 turns in the deck, which does not move it; the witness does not turn it",)
 
 
+def test_a_held_sphere_with_a_velocity_is_named(beads: Path, tmp_path: Path) -> None:
+    lines = (beads / "dump.fine").read_text().splitlines()
+    first = next(line.split() for line in lines if line.startswith("11 "))
+    still = [" ".join([*first[:5], "1e-3", "0", "0", *first[8:]]) if line.startswith("11 ") else line for line in lines]
+    (tmp_path / "dump.fine").write_text("\n".join(still) + "\n")
+    found = witness(adopted(tmp_path, "fine", STEEL, 2e-7, outside=Outside(held=(11,))))
+    assert any(reason.startswith("sphere 11 has a velocity and does not move") for reason in found.reasons)
+
+
 def test_a_step_that_changes_is_refused(beads: Path) -> None:
     crystal = Unnamed.load(beads / "fine")
     with pytest.raises(TheoryError, match="a step that changes is not built; it is 2e-07 to 4e-07"):

@@ -359,6 +359,9 @@ def _reasons(crystal: Unnamed, network: Network, first: Moment) -> Iterator[str]
         yield "the dump holds no spins (omegax, omegay, omegaz); the witness begins without"
     if any("differences" in each for each in crystal.info["remarks"]):
         yield "the dump holds no velocities; they are differences of places"
+    resting = np.isin(crystal.spheres, outside["held"]) & first.velocity.any(axis=1)
+    for sphere in crystal.spheres[resting & np.all(crystal[len(crystal) - 1].place == first.place, axis=1)][:1]:
+        yield f"sphere {sphere} has a velocity and does not move; its contacts slip in the deck, and not in the witness"
     if network.shear and (turning := _turning_held(crystal, network)):
         yield f"sphere {turning} turns in the deck, which does not move it; the witness does not turn it"
 
