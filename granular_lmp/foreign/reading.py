@@ -8,6 +8,7 @@ import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -92,8 +93,10 @@ class Reading:
 
     @property
     def is_granular(self) -> bool:
-        """Return whether the pair style is granular, or may come from a restart file."""
-        styles = self.named("pair_style")
+        """Return whether the pair style of the first long run is granular, or may come from a restart file."""
+        start = None if self.start is None else self.start.command
+        before = takewhile(lambda each: each is not start, self.commands)
+        styles = [each for each in before if each.name == "pair_style"]
         return not styles or any(word.startswith("gran") for word in styles[-1].words[1:])
 
     @property
