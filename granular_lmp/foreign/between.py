@@ -43,26 +43,27 @@ def acts(fix: Command) -> bool:
     return not fix.words[3].startswith(HARMLESS_FIXES)
 
 
-def changes(reading: Reading, dumps: Sequence[Command], begin: Command | None = None) -> Iterator[Command]:
+def changes(reading: Reading, dumps: Sequence[Command], begin: int = 0) -> Iterator[Command]:
     """Yield the commands that change the motion of spheres between two frames of some dumps, in their order.
 
-    A minimization is one of them, as it writes frames of its own. If no dump is given, frames may be written from the
-    command `begin` to the end of the deck.
+    A minimization is one of them, as it writes frames of its own. Commands are read from the number `begin` on. If
+    no dump is given, frames may be written from there to the end of the deck.
     """
     commands, on, begun = reading.commands, set[str](), False
     moving = {id(stage.command) for stage in reading.stages}
     chosen, waiting = {id(each) for each in dumps}, list[Command]()
-    for number, command in enumerate(commands):
-        name = command.name
-        if id(command) in chosen or (not dumps and command is begin):
+    for number in range(begin, len(commands)):
+        command, name = commands[number], commands[number].name
+        if id(command) in chosen or (not dumps and number == begin):
             chosen.discard(id(command))
-            on.add("" if command is begin else command.words[1])
+            on.add(command.words[1] if dumps else "")
         elif name == "clear":
             on.clear()
         elif name in ("dump", "undump"):
             on -= {*command.words[1:2]}
-        if not on and not (begun and chosen):
-            begun, waiting = False, []
+        if not on and not chosen:
+            return
+        if not on and not begun:
             continue
         if name in ("minimize", "rerun") and (id(command) in moving or name == "rerun"):
             yield from (*waiting, command)
@@ -74,6 +75,11 @@ def changes(reading: Reading, dumps: Sequence[Command], begin: Command | None = 
                 yield command
         elif begun and _changes(commands, number):
             waiting.append(command)
+
+
+def changes_of(reading: Reading, recorded: Recorded, dumps: Sequence[Command]) -> Iterator[Command]:
+    """Yield the `changes` between frames of some dumps; if none is given, from a recorded run on."""
+    return changes(reading, dumps, 0 if dumps else recorded.stage.number)
 
 
 def _within(run: Command) -> bool:
@@ -101,9 +107,7 @@ def _unsure_groups(reading: Reading, recorded: Recorded) -> dict[str, Command]:
     found: dict[str, Command] = {}
     skipped = {id(stage.command) for stage in reading.stages if stage.long or stage.steps is None}
     late = False
-    for command in reading.commands:
-        if command is recorded.stage.command:
-            break
+    for command in reading.commands[: recorded.stage.number]:
         late |= id(command) in skipped
         if command.name == "group" and len(command.words) > 2:
             name, style, *rest = command.words[1:]
@@ -125,7 +129,7 @@ def unread_commands(reading: Reading, recorded: Recorded, held: NDArray[np.bool_
     Pairs of held spheres may be excluded from the lists of neighbours, as nothing moves held spheres.
     """
     resting = recorded.spheres.id[held]
-    for command in reading.commands[: place_of(reading, recorded.stage.command)]:
+    for command in reading.commands[: recorded.stage.number]:
         excludes = command in recorded.members and command.name == "neigh_modify"
         if command.name == "run_style" and command.words[1] == "verlet":
             continue
@@ -137,7 +141,7 @@ def unread_commands(reading: Reading, recorded: Recorded, held: NDArray[np.bool_
 
 def unsure(reading: Reading, recorded: Recorded) -> Iterator[str]:
     """Yield sentences on lines whose spheres or values depend on runs that are not executed here."""
-    groups, end = _unsure_groups(reading, recorded), place_of(reading, recorded.stage.command)
+    groups, end = _unsure_groups(reading, recorded), recorded.stage.number
     acting = [fix for fix in recorded.stage.fixes if acts(fix)]
     for fix in acting:
         if by := groups.get(fix.words[2]):

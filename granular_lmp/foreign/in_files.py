@@ -83,8 +83,9 @@ def _last_digit(largest: float, digits: int) -> float:
 
 def _moved_frames(reading: Reading) -> Iterator[Finding]:
     told: set[int] = set()
-    for dump in dict.fromkeys(reading.dumps):  # a loop repeats its lines
-        for command in changes(reading, [dump]) if dump.words[3] in DUMPS else ():
+    places = {id(dump): n for n, dump in enumerate(reading.commands)} if reading.named(*MOVING) else {}
+    for dump in dict.fromkeys(reading.dumps) if places else ():  # a loop repeats its lines
+        for command in changes(reading, [dump], places[id(dump)]) if dump.words[3] in DUMPS else ():
             if command.name in MOVING and id(command) not in told:
                 told.add(id(command))
                 yield Finding(

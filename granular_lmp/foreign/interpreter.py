@@ -27,6 +27,8 @@ _BY_RUNS = re.compile(
     r"|step|elapsed|elaplong|time|cpu|atoms|temp|press|pe|ke|etotal|evdwl|epair|enthalpy|vol|density"
     r"|l[xyz]|[xyz](?:lo|hi)|p[xyz][xyz]|fmax|fnorm)(?!\w)"
 )
+_NOTED = ("pair_style", "pair_coeff", "labelmap", "neigh_modify", "read_restart", "clear")
+FEWEST = {"fix": 4, "dump": 6}  # words of a command that is whole
 _FORMULAS = ("equal", "atom", "vector")
 _COMMENT = re.compile(r'(""".*?"""|"[^"]*"|\'[^\']*\')|#.*', re.DOTALL)
 _WRITING = (
@@ -123,6 +125,19 @@ def lines_of(text: str) -> list[tuple[int, str]]:
     return found
 
 
+def switch(on: dict[str, Command], command: Command, kind: str) -> None:
+    """Add a command to the fixes or dumps that are on, or take out those that it ends.
+
+    A fix that is given again keeps its place, as in LAMMPS.
+    """
+    if command.name == kind and len(command.words) >= FEWEST[kind]:
+        on[command.words[1]] = command
+    elif command.name == f"un{kind}":
+        on.pop("".join(command.words[1:2]), None)
+    elif command.name == "clear":
+        on.clear()
+
+
 class Interpreter:
     """Executes the commands of a deck in an instance of LAMMPS.
 
@@ -141,6 +156,9 @@ class Interpreter:
     Attributes
     ----------
     commands : the commands so far, in the order of their execution.
+    on : the fixes and dumps that are on, by kind and ID, in the order of LAMMPS.
+    noted : the commands so far that give laws, exclude pairs or begin anew.
+    cleared, reset : numbers of commands at the last ``clear``, and at the last command that set the step.
     """
 
     def __init__(
@@ -153,6 +171,9 @@ class Interpreter:
         self.lmp = lmp
         self.folder = deck.parent
         self.commands: list[Command] = []
+        self.on: dict[str, dict[str, Command]] = {"fix": {}, "dump": {}}
+        self.noted: list[Command] = []
+        self.cleared = self.reset = 0
         self._at_run = at_run
         self._tell = tell or (lambda _: None)
         self._exhausted = False
@@ -235,8 +256,14 @@ class Interpreter:
         return any(name in self._by_runs or _BY_RUNS.search(name) is not None for name in asked)
 
     def _note(self, command: Command) -> None:
-        """Note variables whose values runs change, and whether a long run was skipped."""
+        """Note what is on, variables whose values runs change, and whether a long run was skipped."""
         words = command.words
+        for kind, on in self.on.items():
+            switch(on, command, kind)
+        if command.name in _NOTED:
+            self.noted.append(command)
+        if command.name in ("clear", "reset_timestep"):
+            self.reset = len(self.commands)
         if command.name == "variable" and len(words) > 3:
             formula = " ".join(words[3:]) if words[2] in _FORMULAS else ""
             others = {*re.findall(r"\bv_(\w+)", formula)} & self._by_runs
@@ -245,7 +272,7 @@ class Interpreter:
         elif command.name == "minimize" or (_RUN.fullmatch(str(command)) and int(words[1]) > 1):
             self._skipped = True
         elif command.name == "clear":
-            self._skipped = False
+            self._skipped, self.cleared = False, len(self.commands)
 
     def _asked(self, where: str, text: str, ask: Callable[[], Any]) -> Any:
         try:

@@ -5,7 +5,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.foreign.between import changes
+from granular_lmp.foreign.between import changes_of
 from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.laws import Law, granular
@@ -82,7 +82,7 @@ def known_of(reading: Reading, given: Known, dumps: Sequence[str | Path] = ()) -
             f"{reading.deck}: changes its time step; times are counted with {stage.timestep:g}, that of line "
             f"{stage.command.line}"
         )
-    for command in changes(reading, writers, stage.command):
+    for command in changes_of(reading, recorded, writers):
         remarks.append(
             f"{command.place}: '{command}' acts between frames of the dump, which then hold more than one motion"
         )

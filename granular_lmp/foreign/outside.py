@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.foreign.between import acts, changes, place_of, unread_commands, unsure
+from granular_lmp.foreign.between import acts, changes_of, place_of, unread_commands, unsure
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.laws import PLANES, Law, is_number, law_of_wall
 from granular_lmp.foreign.reading import Reading
@@ -137,7 +137,7 @@ def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outs
     if (found.held & ~found.frozen & found.moves & found.turns).any() and found.sheared:
         found.others += [str(fix) for fix in recorded.stage.fixes if _stops(fix)]
     excluded = unread_commands(reading, recorded, ~free & ~found.moved)
-    changed = map(str, changes(reading, recorded.dumps if dumps is None else dumps, recorded.stage.command))
+    changed = map(str, changes_of(reading, recorded, recorded.dumps if dumps is None else dumps))
     return Outside(
         begin=recorded.begin,
         history=recorded.history,

@@ -8,7 +8,6 @@ import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import DeckError
-from granular_lmp.foreign.interpreter import Command, Interpreter
+from granular_lmp.foreign.interpreter import FEWEST, Command, Interpreter
 from granular_lmp.foreign.laws import Law, laws_of
 from granular_lmp.foreign.stages import (
-    FEWEST,
     Pairs,
     Recorded,
     Spheres,
     Stage,
-    at_work,
     excluding,
     of_spheres,
     start_of,
@@ -94,8 +91,7 @@ class Reading:
     @property
     def is_granular(self) -> bool:
         """Return whether the pair style of the first long run is granular, or may come from a restart file."""
-        start = None if self.start is None else self.start.command
-        before = takewhile(lambda each: each is not start, self.commands)
+        before = self.commands[: None if self.start is None else self.start.number]
         styles = [each for each in before if each.name == "pair_style"]
         return not styles or any(word.startswith("gran") for word in styles[-1].words[1:])
 
@@ -223,24 +219,25 @@ def _run(
 ) -> None:
     """Note a stage. LAMMPS executes a run of one step, and computes the forces of the first step of a longer one."""
     lmp = deck.lmp
-    fixes, dumps = at_work(deck.commands, "fix"), at_work(deck.commands, "dump")
+    fixes, dumps = (tuple(deck.on[kind].values()) for kind in ("fix", "dump"))
     begin = _begin(deck, stages)
     if steps is not None and "upto" in command.words[2:]:
         steps = max(0, steps - (begin or 0))
     exact = all(stage.steps is not None and not stage.long for stage in _since_clear(deck, stages))
-    stages.append(Stage(command, steps, float(lmp.extract_global("dt")), fixes, dumps, exact))
+    number = len(deck.commands) - 1
+    stages.append(Stage(command, number, steps, float(lmp.extract_global("dt")), fixes, dumps, exact))
     if lmp.extract_setting("box_exist") and lmp.get_natoms():
         _record(deck, stages, begin, records)
     short = steps is not None and steps <= 1
     if start_of(stages) is not stages[-1]:
         lmp.command(f"run {steps if short else 0} post no")
         return
-    local = ("property/local patom1 patom2", "pair/local dist dx dy dz fx fy fz") if _has_pairs(deck.commands) else ()
+    local = ("property/local patom1 patom2", "pair/local dist dx dy dz fx fy fz") if _has_pairs(deck.noted) else ()
     names = [f"granular_lmp_{n}" for n in range(len(local))]
     for n, words in enumerate(local):
         lmp.command(_PAIRS.format(n, words))
     lmp.command("run 0 post no")
-    found |= _system(lmp, deck.commands)
+    found |= _system(lmp, deck.noted)
     if lmp.get_natoms():
         found["spheres"] = spheres = _spheres(lmp, fixes)
         ends, between = [np.array(_local(lmp, name)) for name in names] or [np.zeros((0, 2)), np.zeros((0, 7))]
@@ -253,9 +250,7 @@ def _run(
 
 def _since_clear(deck: Interpreter, stages: Sequence[Stage]) -> list[Stage]:
     """Return the stages of the present system, behind the last ``clear``."""
-    clears = [n for n, each in enumerate(deck.commands) if each.name == "clear"]
-    since = {id(each) for each in deck.commands[clears[-1] if clears else 0 :]}
-    return [stage for stage in stages if id(stage.command) in since]
+    return [stage for stage in stages if stage.number >= deck.cleared]
 
 
 def _has_pairs(commands: Sequence[Command]) -> bool:
@@ -270,12 +265,8 @@ def _begin(deck: Interpreter, stages: list[Stage]) -> int | None:
     The step is None after a minimization, and after a run that ``fix halt`` may have ended.
     """
     step = int(deck.lmp.extract_global("ntimestep"))
-    runs = {id(stage.command): stage for stage in stages}
-    for command in reversed(deck.commands):
-        if command.name in ("reset_timestep", "clear"):
-            break
-        stage = runs.get(id(command))
-        if stage is None:
+    for stage in stages:
+        if stage.number < deck.reset:
             continue
         if stage.steps is None or (stage.long and any(fix.words[3] == "halt" for fix in stage.fixes)):
             return None
@@ -291,7 +282,7 @@ def _record(deck: Interpreter, stages: list[Stage], begin: int | None, records: 
         return
     lmp, spheres = deck.lmp, _spheres(deck.lmp, stage.fixes)
     members = {fix: spheres.id[_members(lmp, fix.words[2])] for fix in stage.fixes}
-    for each in excluding(deck.commands):
+    for each in excluding(deck.noted):
         style, *groups = each.words[each.words.index("exclude") + 1 :]
         both = [_members(lmp, group) for group in groups[:2]] if style == "group" else [spheres.id > 0]
         members[each] = spheres.id[np.any(both, axis=0)]
@@ -300,10 +291,10 @@ def _record(deck: Interpreter, stages: list[Stage], begin: int | None, records: 
             stage,
             begin,
             history=any(each.steps != 0 for each in _since_clear(deck, stages[:-1]))
-            or any(each.name == "read_restart" for each in deck.commands),
+            or any(each.name == "read_restart" for each in deck.noted),
             unturned=stage.exact and not np.any(spheres.spin),
             spheres=spheres,
-            laws=laws_of(deck.commands, int(lmp.extract_setting("ntypes"))),
+            laws=laws_of(deck.noted, int(lmp.extract_setting("ntypes"))),
             members=members,
         )
     )

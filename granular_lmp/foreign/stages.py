@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.foreign.interpreter import Command
+from granular_lmp.foreign.interpreter import Command, switch
 from granular_lmp.foreign.laws import Law
 from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-FEWEST = {"fix": 4, "dump": 6}  # words of a command that is whole
 DUMPS = ("custom", "custom/gz", "custom/mpiio", "atom", "atom/gz")  # styles of dumps of spheres
 
 
@@ -24,6 +23,7 @@ class Stage:
     Attributes
     ----------
     command : its command.
+    number : number of the command in `Reading.commands`.
     steps : number of steps; None for a minimization.
     timestep : in units of the deck.
     fixes, dumps : commands of the fixes and dumps that are on.
@@ -31,6 +31,7 @@ class Stage:
     """
 
     command: Command
+    number: int
     steps: int | None
     timestep: float
     fixes: tuple[Command, ...]
@@ -138,18 +139,10 @@ def start_of(stages: Sequence[Stage]) -> Stage | None:
 
 
 def at_work(commands: Sequence[Command], kind: str) -> tuple[Command, ...]:
-    """Return the commands of the fixes or dumps that are on after some commands, in the order of LAMMPS.
-
-    A fix that is given again keeps its place in this order.
-    """
+    """Return the commands of the fixes or dumps that are on after some commands, in the order of LAMMPS."""
     found: dict[str, Command] = {}
     for each in commands:
-        if each.name == kind and len(each.words) >= FEWEST[kind]:
-            found[each.words[1]] = each
-        elif each.name == f"un{kind}":
-            found.pop("".join(each.words[1:2]), None)
-        elif each.name == "clear":
-            found.clear()
+        switch(found, each, kind)
     return tuple(found.values())
 
 
