@@ -1,7 +1,7 @@
 """Checks of the files that a deck writes and reads, and of the settings that LAMMPS needs for them."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import floor, log10
 
 import numpy as np
@@ -13,6 +13,8 @@ from granular_lmp.foreign.reading import Reading
 from granular_lmp.foreign.stages import DUMPS
 from granular_lmp.foreign.vibrations import contacts_of, expected_displacement
 
+Words = tuple[str, ...]
+
 _DIGITS = 3  # a dump should resolve displacements of the size of an overlap with this many digits
 _POSITIONS = ("x", "y", "z", "xs", "ys", "zs", "xu", "yu", "zu", "xsu", "ysu", "zsu")
 _SINGLE = {"dcd": 7, "xtc": 6, "xyz": 6, "atom": 6}  # digits of the styles of dumps without columns
@@ -22,9 +24,10 @@ _ON_FACE = 1e-9  # distance from a periodic face, in radii
 def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
     expected = expected_displacement(reading)
     writing = {id(dump) for stage in reading.stages for dump in stage.dumps}
+    settings = [*dict.fromkeys(command.words for command in reading.named("dump_modify"))]  # a loop repeats its lines
     for dump in [] if expected is None else reading.dumps:
         assert expected is not None
-        unit = _unit(reading, dump) if id(dump) in writing else 0.0
+        unit = _unit(reading, dump, settings) if id(dump) in writing else 0.0
         if unit and (left := log10(expected / unit)) < _DIGITS:
             yield Finding(
                 dump,
@@ -35,7 +38,7 @@ def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
             )
 
 
-def _unit(reading: Reading, dump: Command) -> float:
+def _unit(reading: Reading, dump: Command, settings: Sequence[Words]) -> float:
     """Return the unit of the last digit of positions in a dump, in units of the deck; 0 if it holds displacements."""
     spheres = reading.spheres
     assert spheres is not None
@@ -47,18 +50,18 @@ def _unit(reading: Reading, dump: Command) -> float:
     if dump.words[3] not in ("custom", "custom/gz", "custom/zstd") or displacements or dump.words[5].endswith(".bin"):
         return 0.0
     axes = {name: "xyz".index(name[0]) for name in columns if name in _POSITIONS}
-    formats = _formats(reading, dump, columns)
+    formats = _formats(dump.words[1], columns, settings)
     units = [_rounding(formats[name], float(largest[axis])) for name, axis in axes.items() if axis < len(largest)]
     return max(units, default=0.0)
 
 
-def _formats(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[str, str]:
+def _formats(name: str, columns: Words, settings: Sequence[Words]) -> dict[str, str]:
     """Return the formats of the columns of a dump."""
     formats = dict.fromkeys(columns, "%g")
-    for command in reading.named("dump_modify"):
-        if command.words[1:2] != (dump.words[1],):
+    for words in settings:
+        if words[1:2] != (name,):
             continue
-        for keyword, kind, text in zip(command.words, command.words[1:], command.words[2:], strict=False):
+        for keyword, kind, text in zip(words, words[1:], words[2:], strict=False):
             if keyword == "format" and kind == "float":
                 formats = dict.fromkeys(columns, text)
             elif keyword == "format" and kind == "line":
