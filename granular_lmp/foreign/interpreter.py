@@ -252,8 +252,15 @@ class Interpreter:
 
     def _unsure(self, text: str) -> bool:
         """Return whether the values in a line depend on long runs, which are not executed."""
-        asked = [next(filter(None, match.groups())) for match in _EXPANDED.finditer(text)] if self._skipped else []
-        return any(name in self._by_runs or _BY_RUNS.search(name) is not None for name in asked)
+        for match in _EXPANDED.finditer(text) if self._skipped else ():
+            name, formula = match[1] or match[2], match[3] or ""
+            if name in self._by_runs or self._changes(formula):
+                return True
+        return False
+
+    def _changes(self, formula: str) -> bool:
+        """Return whether runs change the value of a formula."""
+        return bool({*re.findall(r"\bv_(\w+)", formula)} & self._by_runs) or _BY_RUNS.search(formula) is not None
 
     def _note(self, command: Command) -> None:
         """Note what is on, variables whose values runs change, and whether a long run was skipped."""
@@ -265,9 +272,7 @@ class Interpreter:
         if command.name in ("clear", "reset_timestep"):
             self.reset = len(self.commands)
         if command.name == "variable" and len(words) > 3:
-            formula = " ".join(words[3:]) if words[2] in _FORMULAS else ""
-            others = {*re.findall(r"\bv_(\w+)", formula)} & self._by_runs
-            changing = command.unsure or bool(others) or _BY_RUNS.search(formula) is not None
+            changing = command.unsure or (words[2] in _FORMULAS and self._changes(" ".join(words[3:])))
             (self._by_runs.add if changing else self._by_runs.discard)(words[1])
         elif command.name == "minimize" or (_RUN.fullmatch(str(command)) and int(words[1]) > 1):
             self._skipped = True

@@ -304,7 +304,8 @@ def test_what_no_witness_can_follow_is_refused_with_its_cause(name: str, dump: P
 
 
 def test_values_that_runs_do_not_change_are_known(tmp_path: Path) -> None:
-    text = changed(("dump 1 all", "variable f equal 1e5\nrun 200\nfix 2 first addforce ${f} 0 $(v_f/2)\ndump 1 all"))
+    more = "variable f equal 1e5\nvariable temp index 7\nrun 200\nfix 2 first addforce ${f} 0 $(v_f/2+0*v_temp)\n"
+    text = changed(("dump 1 all", f"{more}fix 3 last addforce ${{temp}} 0 0\ndump 1 all"))
     found, _ = known_of(written(tmp_path, text), Known())
     assert (found.outside.pushes, found.outside.unfollowed) == ({1: (1e5, 0.0, 5e4)}, ())
 
