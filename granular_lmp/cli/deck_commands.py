@@ -32,6 +32,8 @@ def _lint(options: Options) -> int:
         remark(f"note: {reading.stopped}; the rest of the deck was not read")
     if reading.start and not reading.start.exact:
         remark(f"note: {options.deck}: contacts are judged before a minimization, which was not done")
+    for law in {str(law.command): law for law in reading.laws.values() if law.unread}.values():
+        remark(f"note: {law.command.place}: no check knows {law.unread}; contacts are judged without it")
     if not reading.stages:
         remark(f"note: {options.deck}: the deck has no run, so contacts and steps could not be judged")
     elif reading.spheres is None:
@@ -48,7 +50,7 @@ def _lint(options: Options) -> int:
 
 
 def _place(finding: "Finding") -> str:
-    return f"{finding.command.file}:{finding.command.line}: " if finding.command else ""
+    return f"{finding.command.place}: " if finding.command else ""
 
 
 def _row(check: "Check", finding: "Finding") -> dict[str, Any]:

@@ -25,7 +25,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.phases import phase
 
 if TYPE_CHECKING:
-    from granular_lmp.foreign.adopt_dump import Known
+    from granular_lmp.foreign.conversion import Known
     from granular_lmp.foreign.reading import Reading
     from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.record import Record
@@ -158,8 +158,9 @@ def _adopt(options: Options) -> int:
 
 
 def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
-    from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+    from granular_lmp.foreign.adopt_dump import adopt_dump
     from granular_lmp.foreign.apart import read_apart
+    from granular_lmp.foreign.conversion import Known
     from granular_lmp.foreign.known import dumps_of, known_of, law_of
     from granular_lmp.foreign.local_columns import local_dumps
     from granular_lmp.lammps.custom_dump import is_dump
@@ -182,7 +183,7 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
     notes: list[str] = []
     if decks:
         reading = read_apart(decks[0], dict(options.variables))
-        known, notes = known_of(reading, known)
+        known, notes = known_of(reading, known, dumps)
         dumps = dumps or [str(each) for each in dumps_of(reading)]
         of_deck = {path.resolve(): found for path, found in local_dumps(reading).items()}
         contacts = {path: words or of_deck.get(path.resolve()) for path in contacts or of_deck}

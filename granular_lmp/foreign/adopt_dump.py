@@ -1,26 +1,21 @@
 """Make the run folder of an unnamed crystal from foreign dumps of LAMMPS (`granular_lmp.runs.unnamed`).
 
-One snapshot of each dump is in memory at a time. What the dumps do not say is never guessed: it is asked for by name.
+Memory holds one snapshot of each dump at a time. A quantity that the dumps lack is never guessed: an error asks for it
+by name.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import field
 from itertools import chain, pairwise
-from math import inf, isfinite, pi
 from pathlib import Path
-from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.foreign.laws import Law
-from granular_lmp.foreign.outside import Outside
-from granular_lmp.foreign.reading import Spheres
-from granular_lmp.frozen import dataclass
+from granular_lmp.foreign.conversion import Conversion, Known
 from granular_lmp.lammps.binary_dump import binary_head, binary_snapshots
-from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, enclosing, frames
+from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, frames
 from granular_lmp.lammps.local_dump import WORDS, checked_words, local_snapshots
 from granular_lmp.lammps.outputs import UNNAMED, UNNAMED_CONTACTS, SnapshotPlace, keep_latest, writable
 from granular_lmp.runs.directory import absolute
@@ -29,59 +24,12 @@ from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.seal import files_of
 from granular_lmp.runs.status import write_status
 from granular_lmp.runs.unnamed import ENTRY, Unnamed
-from granular_lmp.scene.schema import allowed_names
-from granular_lmp.units import STYLES, Units
+from granular_lmp.units import Units
 from granular_lmp.version import __version__
 
 __all__ = ["adopt_dump"]
 
 Floats = NDArray[np.float64]
-
-# Columns of the folder's dump behind the places, and their dimension in mass, length and time
-_VECTORS = {"v": (0, 1, -1), "omega": (0, 0, -1), "f": (1, 1, -2)}
-_PLACE = ("xu", "yu", "zu")
-_COARSE = 1e-3  # of the largest displacement: with fewer than three digits a second harmonic is noise
-_FAR = 0.25  # of a period: half of what could not be told from the opposite way
-_DIGITS = 3e-5  # relative difference of two densities, whose masses and radii were printed by %g
-_NAMED = 5  # spheres that come or go, by number in a sentence
-
-
-@dataclass(frozen=True)
-class Known:
-    """Knowledge of a foreign run beside its dumps, in the units of the dump; a None must be in the dump.
-
-    Attributes
-    ----------
-    units : str, optional
-        Style of LAMMPS: si, cgs, micro, nano or lj.
-    timestep : float, optional
-        Time of one step.
-    radius, density : sequence of float, optional
-        One number, or one for each type of spheres.
-    laws : mapping of (int, int) to Law
-        The law of each pair of types, where it is known: the witness takes it.
-    spheres : Spheres, optional
-        Radii and masses of a deck, by ``id``, where neither dump nor `radius` and `density` say them.
-    outside : Outside
-        What acts on spheres beside their contacts.
-    """
-
-    units: str | None = None
-    timestep: float | None = None
-    radius: Sequence[float] | None = None
-    density: Sequence[float] | None = None
-    laws: Mapping[tuple[int, int], Law] = field(default_factory=dict)
-    spheres: Spheres | None = None
-    outside: Outside = field(default_factory=Outside)
-
-    def __post_init__(self) -> None:
-        if self.units is not None and self.units not in STYLES:
-            raise RunFolderError(f"units = {self.units!r}: {allowed_names(self.units, STYLES)}")
-        for name in ("timestep", "radius", "density"):
-            values = getattr(self, name)
-            for value in () if values is None else np.atleast_1d(values):
-                if not (value > 0 and isfinite(value)):
-                    raise RunFolderError(f"{name} = {float(value)!r}: must be a number above 0")
 
 
 def adopt_dump(
@@ -102,7 +50,7 @@ def adopt_dump(
     folder : path
         The run folder.
     known : Known, optional
-        What the dumps do not say.
+        Quantities that the dumps lack.
     contacts : mapping, optional
         Local dumps of contacts, each with the words of LAMMPS for its columns (`granular_lmp.lammps.local_dump`), or
         None if these are their names.
@@ -112,27 +60,27 @@ def adopt_dump(
     Raises
     ------
     RunFolderError
-        If a dump cannot be read, something must be known that is not, or no sphere is in all snapshots.
+        If a dump cannot be read, a quantity is missing, or no sphere is in all snapshots.
     """
     place = absolute(folder)
-    reading = _Reading(known or Known())
+    conversion = Conversion(known or Known())
     paths = [absolute(each) for each in dumps]
     if inside := [each for each in paths if place in each.parents]:
         raise RunFolderError(f"{place}: holds the dump {inside[0].name}; choose another folder for the run")
-    snapshots = _joined(paths, reading.say)
+    snapshots = _joined(paths, conversion.say)
     first = next(snapshots, None)
     if first is None:
         raise RunFolderError(f"{paths[0]}: holds no whole snapshot")
-    reading.begin(first)  # what must be known is asked for before a folder is made
-    local = _contacts({absolute(path): words for path, words in (contacts or {}).items()}, reading)
+    conversion.begin(first)  # a missing quantity is asked for before a folder is made
+    local = _contacts({absolute(path): words for path, words in (contacts or {}).items()}, conversion)
     first_contacts = next(local, None)
     with locked(place, make=True, force=force):
         clear(place)
         with writable(place), (place / UNNAMED).open("wb") as stream:
             try:
                 for frame in chain([first], snapshots):
-                    reading.write(frame, stream)
-                described = reading.described(paths)
+                    conversion.write(frame, stream)
+                described = conversion.described(paths)
                 if first_contacts is not None:
                     with (place / UNNAMED_CONTACTS).open("wb") as of_contacts:
                         for piece in chain([first_contacts], local):
@@ -152,29 +100,10 @@ def adopt_dump(
             "name": place.name,
             "versions": {"granular_lmp": __version__, "numpy": np.__version__},
             ENTRY: described,
-            "remarks": reading.remarks,
+            "remarks": conversion.remarks,
         }
         write_status(place, info | {"files": files_of(place)})
     return Unnamed.load(place)
-
-
-def _refuse_another(step: int, name: str, said: Floats | None, given: Floats) -> None:
-    """Raise RunFolderError where a dump says a quantity and another one was given."""
-    if said is not None and not np.allclose(said, given, rtol=_DIGITS, atol=0.0):
-        worst = int(np.argmax(np.abs(said / given - 1)))
-        raise RunFolderError(
-            f"{name} = {given[worst]:g}: the dump says {said[worst]:g} at step {step}; leave out {name}"
-        )
-
-
-def _by_id(values: Floats, known: Spheres, ids: Floats) -> Floats:
-    """Return values of the spheres of a deck for those with some numbers."""
-    order = np.argsort(known.id)
-    place = np.minimum(np.searchsorted(known.id[order], ids), len(order) - 1)
-    if not np.array_equal(known.id[order][place], ids):
-        missing = int(ids[known.id[order][place] != ids][0])
-        raise RunFolderError(f"id {missing}: is in the dump, but not among the spheres of the deck at its start")
-    return np.asarray(values[order][place])
 
 
 def _places(path: Path) -> Iterator[tuple[int, int, int, int]]:
@@ -182,9 +111,9 @@ def _places(path: Path) -> Iterator[tuple[int, int, int, int]]:
         yield each.step, len(each.table), each.begin, each.end
 
 
-def _contacts(dumps: Mapping[Path, Sequence[str] | None], reading: "_Reading") -> Iterator[bytes]:
+def _contacts(dumps: Mapping[Path, Sequence[str] | None], conversion: Conversion) -> Iterator[bytes]:
     """Yield the snapshots of local dumps as the folder has them, in SI units (of units lj in these)."""
-    units, begins = reading.units, []
+    units, begins = conversion.units, []
     for path in dumps:
         snapshot = next(local_snapshots(path, lambda _: None), None)
         if snapshot is None:
@@ -198,7 +127,7 @@ def _contacts(dumps: Mapping[Path, Sequence[str] | None], reading: "_Reading") -
     for _, path, words in begins:
         kept = [(n, word) for n, word in enumerate(words) if word in WORDS]
         names, factors = [word for _, word in kept], [_factor(units, *WORDS[word]) for _, word in kept]
-        for each in local_snapshots(path, reading.say):
+        for each in local_snapshots(path, conversion.say):
             numbers = np.ascontiguousarray(each.table[:, [n for n, _ in kept]] * factors)
             style = "lj" if units.style == "lj" else "si"
             yield binary_head(each.step, names, len(numbers), [0, 0, 0], np.zeros((3, 2)), units=style)
@@ -210,7 +139,7 @@ def _factor(units: Units, mass: int, length: int, time: int) -> float:
 
 
 def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
-    """Yield the snapshots of the dumps of one run; those with other columns are joined by step."""
+    """Yield the snapshots of the dumps of one run; dumps with different columns are joined by step."""
     groups: dict[frozenset[str], list[tuple[int, Path]]] = {}
     for path in paths:
         first = next(frames(path, lambda _: None), None)
@@ -225,7 +154,7 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
         heads = [next(stream, None) for stream in streams]
         while len({None if head is None else head.step for head in heads}) > 1:
             if None in heads:
-                say("the dumps end at different steps; what follows the end of the shortest is left out")
+                say("the dumps end at different steps; snapshots after the end of the shortest are left out")
                 return
             last = max(head.step for head in heads if head is not None)
             heads = [
@@ -239,7 +168,7 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
 
 
 def _refuse_together(one: tuple[int, Path], other: tuple[int, Path]) -> None:
-    """Raise RunFolderError where two dumps with the same columns begin at one step."""
+    """Raise RunFolderError if two dumps with the same columns begin at the same step."""
     (step, path), (begin, after) = one, other
     if step == begin:
         raise RunFolderError(
@@ -253,14 +182,14 @@ def _following(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
 
 
 def _merged(heads: Sequence[Frame]) -> Frame:
-    """Return one snapshot of several of the same step, with the spheres that are in all of them."""
+    """Join snapshots of the same step into one, with the spheres that are in all of them."""
     first = heads[0]
     if len(heads) == 1:
         return first
     ids = first.columns["id"]
     for head in heads[1:]:
         ids = np.intersect1d(ids, head.columns["id"])
-    finest = sorted(heads, key=lambda head: head.resolution)  # what several dumps hold is taken with most digits
+    finest = sorted(heads, key=lambda head: head.resolution)  # of several dumps, the one with the most digits counts
     columns = {
         name: values[np.isin(head.columns["id"], ids)]
         for head in reversed(finest)
@@ -270,174 +199,3 @@ def _merged(heads: Sequence[Frame]) -> Frame:
     time = next((head.time for head in heads if head.time is not None), None)
     units = next((head.units for head in heads if head.units is not None), None)
     return Frame(first.step, time, units, first.origin, first.cell, first.periodic, columns, min(digits, default=0.0))
-
-
-class _Reading:
-    """Snapshots that are read one after another, and what is found out about them."""
-
-    def __init__(self, known: Known) -> None:
-        self.known = known
-        self.remarks: list[str] = []
-        self.first: Frame | None = None
-        self.units = STYLES["si"]
-        self.names: list[str] = []  # columns of the folder's dump
-        self.ids = self.before = np.empty(0)  # spheres of the snapshot before, and their places
-        self.resolution = inf
-        self.come_and_go: set[int] = set()
-        self.begun = np.empty((0, 3))  # places in the first snapshot
-        self.far = False
-        self.largest = 0.0  # displacement from there along an axis
-        self.deforms = False  # the box, along an axis that is periodic
-
-    def say(self, sentence: str) -> None:
-        """Keep a remark."""
-        self.remarks.append(sentence)
-
-    def write(self, frame: Frame, stream: IO[bytes]) -> None:
-        """Write a snapshot into the dump of the folder, in SI units (of units lj in these)."""
-        units, table = self.units, self._table(frame)
-        assert self.first is not None
-        edges, first = frame.cell[frame.periodic], self.first.cell[frame.periodic]
-        if not self.deforms and not np.allclose(edges, first, rtol=1e-9, atol=0.0):
-            self.deforms = True
-            self.say(f"step {frame.step}: the box is another one; contacts and their forces are refused")
-        lacking = [name for name in self.names if name not in table]
-        if lacking:
-            raise RunFolderError(f"step {frame.step}: lacks the column {lacking[0]}, which earlier snapshots have")
-        numbers = np.stack([table[name] for name in self.names], axis=1)
-        bounds, tilt = enclosing(frame.origin, frame.cell)
-        time = None if frame.time is None else float(units.si(frame.time, time=1))
-        faces = [0 if each else 1 for each in frame.periodic]
-        style = "lj" if units.style == "lj" else "si"
-        box, tilts = units.si(bounds, length=1), units.si(tilt, length=1) if tilt.any() else None
-        head = binary_head(frame.step, self.names, len(numbers), faces, box, tilt=tilts, units=style, time=time)
-        stream.write(head)
-        stream.write(numbers.data)
-
-    def begin(self, frame: Frame) -> None:
-        """Find out units and columns from the first snapshot."""
-        self.first = frame
-        style = self.known.units or frame.units
-        if style is None:
-            raise RunFolderError(f"units are not said in the dump; give units=STYLE, one of {', '.join(STYLES)}")
-        if frame.units not in (None, style):
-            raise RunFolderError(f"units = {style!r}: the dump says units {frame.units}")
-        if style not in STYLES:
-            raise RunFolderError(f"the dump says units {style}: must be one of {', '.join(STYLES)}")
-        if self.known.timestep is None and frame.time is None:
-            raise RunFolderError("the time of a step is not said in the dump; give timestep=VALUE in its units")
-        self.units = STYLES[style]
-        if "vx" not in frame.columns:
-            self.say("the dump holds no velocities; they are differences of places between its snapshots")
-        self.names = [*self._table(frame)]
-
-    def _table(self, frame: Frame) -> dict[str, Floats]:
-        """Return the columns of a snapshot as the folder has them, in SI units."""
-        columns, units = frame.columns, self.units
-        ids = columns["id"]
-        for name, values in columns.items():
-            if not np.isfinite(values).all():
-                where = ids[~np.isfinite(values)][0]
-                raise RunFolderError(f"step {frame.step}: {name} of sphere {where:.0f} is not finite")
-        if len(np.unique(ids)) < len(ids):
-            raise RunFolderError(f"step {frame.step}: several spheres have the same id")
-        table = {"id": ids, "type": columns.get("type", np.ones(len(ids)))}
-        known = self.known.spheres
-        radius = columns.get("radius")
-        if self.known.radius is not None or (radius is None and known is None):
-            radius = self._by_type("radius", self.known.radius, table["type"])
-        elif radius is None and known is not None:
-            radius = _by_id(known.radius, known, ids)
-        assert radius is not None
-        _refuse_another(frame.step, "radius", columns.get("radius"), radius)
-        table["radius"] = units.si(radius, length=1)
-        weight = columns.get("mass")
-        if weight is None and self.known.density is None and known is not None:
-            weight = _by_id(known.mass, known, ids)
-        if self.known.density is not None:
-            density = self._by_type("density", self.known.density, table["type"])
-            volume = 4 / 3 * pi * radius**3
-            _refuse_another(frame.step, "density", None if weight is None else weight / volume, density)
-            weight = volume * density if weight is None else weight
-        if weight is not None:
-            table["mass"] = units.si(weight, mass=1)
-        places = self._followed(frame)
-        table |= {name: units.si(places[:, axis], length=1) for axis, name in enumerate(_PLACE)}
-        for name, (mass, length, time) in _VECTORS.items():
-            there = [f"{name}{axis}" for axis in "xyz"]
-            if not {*there} & columns.keys():
-                continue
-            for each in there:  # a sheet may have no vz
-                table[each] = units.si(columns.get(each, np.zeros(len(ids))), mass=mass, length=length, time=time)
-        return table
-
-    def _by_type(self, name: str, values: Sequence[float] | None, types: Floats) -> Floats:
-        if values is None:
-            raise RunFolderError(f"the {name} of the spheres is not said in the dump; give {name}=VALUE in its units")
-        kinds = int(types.max(initial=1))
-        if len(values) not in (1, kinds) and len(values) < kinds:
-            raise RunFolderError(f"{name}: {len(values)} numbers, but the spheres have {kinds} types")
-        return np.asarray(values, dtype=float)[types.astype(int) - 1 if len(values) > 1 else np.zeros(len(types), int)]
-
-    def _followed(self, frame: Frame) -> Floats:
-        """Return unwrapped places: without image flags by the least images from the snapshot before."""
-        places, wrapped = frame.places()
-        ids = frame.columns["id"]
-        if frame is not self.first:
-            both, here, there = np.intersect1d(ids, self.ids, assume_unique=True, return_indices=True)
-            self._say_changes(frame.step, ids, both)
-            if wrapped:
-                way = frame.nearest_image(places[here] - self.before[there])
-                self._say_far(frame, way)
-                places[here] = self.before[there] + way
-        else:
-            self.begun = places
-        if len(places) == len(self.begun):
-            self.largest = max(self.largest, float(np.abs(places - self.begun).max(initial=0.0)))
-        self.ids, self.before = ids, places
-        self.resolution = min(self.resolution, frame.resolution)
-        return places
-
-    def _say_far(self, frame: Frame, way: Floats) -> None:
-        """Say once that spheres move so far between two snapshots that the least image may be another."""
-        periods = np.abs(way @ np.linalg.inv(frame.cell)) * frame.periodic
-        if periods.max(initial=0.0) > _FAR and not self.far:
-            self.far = True
-            self.say(
-                f"step {frame.step}: spheres move by {periods.max():.2g} of a period between two snapshots, and their "
-                "image may be another; write the dump with ix iy iz, or with xu yu zu"
-            )
-
-    def _say_changes(self, step: int, ids: Floats, both: Floats) -> None:
-        for verb, others in (("appear", np.setdiff1d(ids, both)), ("vanish", np.setdiff1d(self.ids, both))):
-            if len(others):
-                said = ", ".join(f"{each:.0f}" for each in others[:_NAMED]) + ", …" * (len(others) > _NAMED)
-                self.say(f"step {step}: {len(others)} spheres {verb} (id {said}); they are left out")
-                self.come_and_go |= {int(each) for each in others}
-
-    def described(self, paths: Sequence[Path]) -> dict[str, Any]:
-        """Return what ``run.json`` says of the crystal."""
-        first, units = self.first, self.units
-        assert first is not None
-        if {int(each) for each in self.ids} <= self.come_and_go:
-            raise RunFolderError(f"{paths[0]}: no sphere is in all snapshots")
-        if self.resolution > _COARSE * self.largest:
-            self.say(
-                f"places are printed to {units.si(self.resolution, length=1):.1e} m, and no sphere moves by more than "
-                f"{units.si(self.largest, length=1):.1e} m: displacements and overlaps are rounded; write it with "
-                "dump_modify format float %.15g"
-            )
-        step = 0.0 if self.known.timestep is None else float(units.si(self.known.timestep, time=1))
-        return {
-            "units": units.style,
-            "timestep": step,
-            "dumps": [str(path) for path in paths],
-            "origin": units.si(first.origin, length=1).tolist(),
-            "cell": units.si(first.cell, length=1).tolist(),
-            "periodic": first.periodic.tolist(),
-            "deforms": self.deforms,
-            "resolution": float(units.si(self.resolution, length=1)),
-            "come_and_go": sorted(self.come_and_go),
-            "laws": [{"types": [*types], **law.in_si(units)} for types, law in self.known.laws.items()],
-            "outside": self.known.outside.in_si(units),
-        }

@@ -1,6 +1,6 @@
-"""A deck of any origin, read in a process of its own with bounds of time and memory, which the deck may bring down.
+"""Read a deck of any origin in a process of its own, with bounds of time and memory, as a deck may crash the process.
 
-As a program, ``python -m granular_lmp.foreign.apart REQUEST ANSWER``, this module is that process.
+This module is also the program of that process: ``python -m granular_lmp.foreign.apart REQUEST ANSWER``.
 """
 
 import os
@@ -18,8 +18,8 @@ from granular_lmp.errors import DeckError
 from granular_lmp.foreign.reading import Reading, read
 
 SECONDS, MEMORY = 300, 16 * 2**30  # of processor time, and bytes: a million spheres take 20 s and 4 GB
-PATIENCE = 4  # times as long as that, a process may wait for the processor
-AT = ".at"  # ending of the file with the command that LAMMPS executes
+PATIENCE = 4  # the wall time may be this many times the processor time
+AT = ".at"  # ending of the file that holds the command LAMMPS is executing
 
 
 def read_apart(deck: str | Path, variables: Mapping[str, str] | None = None) -> Reading:
@@ -28,7 +28,7 @@ def read_apart(deck: str | Path, variables: Mapping[str, str] | None = None) -> 
     Raises
     ------
     DeckError
-        As `read`, and if the process dies or takes too long; the message has the command at which it was.
+        As `read`, and if the process dies or takes too long; the message names the command that was executing.
     """
     with tempfile.TemporaryDirectory(prefix="granular-lmp-") as folder:
         request, answer = Path(folder, "request"), Path(folder, "answer")
@@ -49,7 +49,7 @@ def read_apart(deck: str | Path, variables: Mapping[str, str] | None = None) -> 
 
 
 def _run(command: list[str]) -> tuple[int | None, str]:
-    """Return the exit status of a command, None if it took too long, and its last line."""
+    """Return the exit status of a command (None if it took too long) and the last line of its output."""
     try:
         done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=PATIENCE * SECONDS)
     except subprocess.TimeoutExpired:
@@ -64,7 +64,7 @@ def _answer(request: Path, answer: Path) -> None:
     found: Any
     at = answer.with_suffix(AT)
     try:
-        found = read(deck, variables, lambda command: at.write_text(f"{command.file}:{command.line}: {command}"))
+        found = read(deck, variables, lambda command: at.write_text(f"{command.place}: {command}"))
     except Exception as error:  # the other process raises it
         found = error
     part = answer.with_suffix(".part")

@@ -1,7 +1,7 @@
-"""How a foreign crystal begins, as a scene can say it: strikers, a state of single spheres, or a plane wave.
+"""Describe how a foreign crystal begins in terms of a scene: strikers, a state of single spheres, or a plane wave.
 
-A plane wave is sought where spheres are displaced from their places: its wave vector in a Fourier transform of the
-displacements, its mode, amplitude and phase by least squares over displacements, velocities and spins.
+If spheres are displaced from their places, a plane wave is tried. Its wave vector comes from a Fourier transform of the
+displacements; its mode, amplitude and phase come from least squares over displacements, velocities and spins.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.foreign.indexing import Indexed
 from granular_lmp.foreign.likeness import aligned
-from granular_lmp.foreign.reading import Spheres
+from granular_lmp.foreign.stages import Spheres
 from granular_lmp.frozen import dataclass
 from granular_lmp.problem import prepare
 from granular_lmp.rest.initial_fields import plane_wave
@@ -34,22 +34,22 @@ Floats = NDArray[np.float64]
 Tables = dict[str, Any]
 Effects = Callable[..., Tables]
 
-_STRIKERS = 8  # velocities that differ: more are a state
-_SAME = 1e-9  # of the fastest sphere: velocities that differ by less are the same
-_STILL = 1e-6  # of the overlap: displacements below are the rounding of places
-_FITS = 1e-3  # of the motion: what a plane wave leaves of it is another motion
-_FINE = 16  # wave numbers in 2π over the length of a crystal that ends
-_ROUNDS, _STEP = 8, 1e-6  # of the search for a wave number, and the step of its derivative, rad per row
+_STRIKERS = 8  # more different velocities than these are a state
+_SAME = 1e-9  # of the speed of the fastest sphere; velocities that differ by less are equal
+_STILL = 1e-6  # of the overlap; smaller displacements are rounding of places
+_FITS = 1e-3  # of the motion; if a plane wave leaves more of it, the motion is no plane wave
+_FINE = 16  # a crystal that ends is searched at this many wave numbers in 2π over its length
+_ROUNDS, _STEP = 8, 1e-6  # iterations of the search for a wave number, and step of its derivative in rad per row
 _ANY_WAVE = {"mode": "L", "wavenumber": 0.5, "amplitude": 0.1}
-_LARGE = 4000  # spheres: beyond, a wave vector is sought along y alone
+_LARGE = 4000  # in a larger crystal a wave vector is sought only along y
 _WORDS = {value: name for name, value in WORDS.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Places, velocities and spins of spheres at the beginning along the axes of a scene, in SI units: (N, 3) each.
+    """Places, velocities and spins of spheres at the beginning, (N, 3) each, along the axes of a scene and in SI units.
 
-    `held` says which are held, (N,).
+    `held` tells which spheres are held, (N,).
     """
 
     place: Floats
@@ -65,13 +65,13 @@ class Motion:
         return cls(place, velocity, spin, ~spheres.moves, indexed)
 
     def displaced(self, atoms: ase.Atoms, radius: float) -> Floats:
-        """Return displacements from spheres at rest, in the order of these, (N, 3), m; places of `atoms` are in R."""
+        """Return displacements from the places at rest, (N, 3), m, in the order of `atoms`, whose places are in R."""
         rest = atoms.positions[np.argsort(np.argsort(self.indexed.sites))] * radius
         return aligned(self.place - rest, atoms, radius, self.indexed, self.held)
 
 
 def begins(tables: Tables, motion: Motion, effects: Effects, times: Sequence[float]) -> Iterator[Tables]:
-    """Yield the tables of scenes that may begin as a crystal does, the simplest first.
+    """Yield the tables of scenes that may begin in the same way as a crystal, the simplest first.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def begins(tables: Tables, motion: Motion, effects: Effects, times: Sequence[flo
         Spheres, packing and inclusions; ``table`` holds that of single spheres.
     motion : Motion
     effects : callable
-        Returns the table ``[effects]``, of a crystal that is `held` at rest or not.
+        Returns the table ``[effects]``; its argument `held` tells whether the crystal is held at rest.
     times : (float, float, float)
         Step, time between records and duration, s.
     """
@@ -110,7 +110,7 @@ def begins(tables: Tables, motion: Motion, effects: Effects, times: Sequence[flo
 
 
 def _still(tables: Tables) -> Tables:
-    """Return a wave that is none, but the unit of what strikes a crystal of many layers."""
+    """Return a wave of form "none", which only sets the unit of the strikers of a crystal of many layers."""
     for mode in ("L", *map(str, range(1, 7))):
         wave = {**_ANY_WAVE, "mode": mode, "amplitude": 1.0, "form": "none"}
         with suppress(GranularError):
@@ -120,7 +120,7 @@ def _still(tables: Tables) -> Tables:
 
 
 def _timed(tables: Tables, times: Sequence[float]) -> Tables:
-    """Return tables with steps, samples and duration in units of the scene; a run may go on beyond an echo."""
+    """Return tables with step, sample and duration in units of the scene; a run may continue after the echo arrives."""
     step, sample, duration = times
     wave = "wave" in tables
     any_time = {"time": {"duration": 1e-3, "sample": 1e-3, "timestep": 1e-3}}
@@ -133,7 +133,7 @@ def _timed(tables: Tables, times: Sequence[float]) -> Tables:
 
 
 def _strikers(motion: Motion) -> list[Tables]:
-    """Return the strikers of spheres that move without a spin, [] where too many velocities differ."""
+    """Return the strikers of spheres that move without spin; [] if too many velocities differ."""
     if motion.spin.any():
         return []
     speed = np.linalg.norm(motion.velocity, axis=1)
@@ -158,7 +158,7 @@ def _direction(velocity: Floats) -> str | float:
 
 
 def _places(indexed: Indexed, spheres: NDArray[np.int64]) -> Tables:
-    """Return the keys of spheres: rows where these are whole, else row and column of each."""
+    """Return the keys of spheres: their rows if these are whole, else row and column of each sphere."""
     spheres = spheres[np.argsort(indexed.sites[spheres])]
     row = indexed.row[spheres]
     whole = np.isin(indexed.row, np.arange(row.min(), row.max() + 1)).sum() == len(spheres)
@@ -188,7 +188,7 @@ def _state(motion: Motion, away: Floats | None, *, touching: bool) -> Tables:
 
 
 def _waves(tables: Tables, motion: Motion, times: Sequence[float]) -> Iterator[Tables]:
-    """Yield the tables of the plane wave that a crystal begins with, if it is one."""
+    """Yield the tables of the plane wave at the beginning of a crystal, if its motion is a plane wave."""
     tables = {key: value for key, value in tables.items() if key != "start"}
     try:
         scene = _scene(tables, _ANY_WAVE)
@@ -214,7 +214,7 @@ def _scene(tables: Tables, wave: Mapping[str, Any]) -> Scene:
 
 
 def _fits(tables: Tables, rest: ase.Atoms, data: Floats, *, standing: bool) -> Iterator[tuple[float, Tables]]:
-    """Yield the share of a motion that each wave leaves, and the wave, for both ways along a wave vector."""
+    """Yield the share of a motion that each wave does not explain, and the wave, for both ways along a wave vector."""
     per_column, per_row = _vector(rest, data)
     any_scene = _scene(tables, _ANY_WAVE)
     names = restored(wave_contacts(any_scene), physics_of(any_scene))
@@ -242,9 +242,9 @@ def _vector(rest: ase.Atoms, data: Floats) -> tuple[float, float]:
 def _fitted(
     tables: Tables, rest: ase.Atoms, data: Floats, name: str, advances: tuple[float, float], *, standing: bool
 ) -> tuple[float, Tables]:
-    """Return the share of a motion that a mode leaves, and the wave.
+    """Return the share of a motion that a mode does not explain, and the wave.
 
-    In a crystal that ends along y no box says which wave numbers there are: the nearest is found by Gauss and Newton.
+    In a crystal that ends along y, no box sets the wave numbers: Gauss–Newton iterations find the nearest one.
     """
     free, (per_column, per_row) = ~rest.arrays["fixed"], advances
     wanted = data[free].ravel()

@@ -13,9 +13,9 @@ class Finding:
 
     Attributes
     ----------
-    command : where it stands; None if a line is missing.
+    command : the command at fault; None if a line is missing.
     what : what the deck does, with numbers.
-    size : size of the error, a share of what it falsifies; None where it cannot be computed.
+    size : relative size of the error; None if it cannot be computed.
     mend : what to write instead.
     """
 
@@ -31,9 +31,9 @@ class Check:
 
     Attributes
     ----------
-    name : by which it is printed.
-    why : why it is wrong, in a sentence.
-    find : function from what LAMMPS says of the deck to what is wrong.
+    name : name of the check in the output.
+    why : the reason, in a sentence.
+    find : function that yields the findings in a deck.
     """
 
     name: str

@@ -10,15 +10,16 @@ from granular_lmp.crystal.adhesion_laws import Jkr
 from granular_lmp.foreign.finding import Check, Finding
 from granular_lmp.foreign.in_space import through_flat_axis
 from granular_lmp.foreign.interpreter import Command
-from granular_lmp.foreign.laws import Law, granular
-from granular_lmp.foreign.reading import Pairs, Reading, Spheres
+from granular_lmp.foreign.laws import Law, law_of_wall
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import Pairs, Spheres
 from granular_lmp.foreign.vibrations import contacts_of, effective_radius
 
-_BALANCE = 0.01  # net force on a sphere over that of its contacts, above which it is not at rest
-_SAME = 0.01  # relative difference of two moduli that is let pass
-_FREEZING = 1e3  # friction
-_SPEED = 1e-12  # of a sphere over the fastest one, below which it rests
-_TOUCHING = 1e-6  # gap over the radius, up to which spheres are not on their way to each other
+_BALANCE = 0.01  # a sphere is not at rest if the net force on it exceeds this share of the pull-off force
+_SAME = 0.01  # relative difference of two moduli that is accepted
+_FREEZING = 1e3  # coefficient of friction
+_SPEED = 1e-12  # of the largest speed; slower spheres rest
+_TOUCHING = 1e-6  # of the radius; spheres with a wider gap fly
 _DEEP = 0.1  # overlap over the radius
 
 
@@ -39,7 +40,7 @@ def _adhesive_start(reading: Reading) -> Iterator[Finding]:
         near = overlaps > -rest
         share = _imbalance(reading) / float(elastic.pull_off_force.max())
         if not isinstance(elastic, Jkr) and near.any() and not (overlaps > 0).any():
-            share = 1.0  # spheres that just touch pull with all of it as soon as they move
+            share = 1.0  # spheres that just touch pull with the whole force as soon as they move
         if share > _BALANCE and near.any():
             yield Finding(
                 law.command,
@@ -52,7 +53,7 @@ def _adhesive_start(reading: Reading) -> Iterator[Finding]:
 
 
 def _imbalance(reading: Reading) -> float:
-    """Return the largest force on a sphere that moves, without that of dashpots."""
+    """Return the largest force on a sphere that moves, without the force of dashpots."""
     spheres, contacts = reading.spheres, contacts_of(reading)
     assert spheres is not None
     force = spheres.force.copy()
@@ -146,13 +147,11 @@ def _mixed_shear(reading: Reading) -> Iterator[Finding]:
 
 def _wall(reading: Reading) -> Iterator[Finding]:
     for command in () if reading.start is None else reading.start.fixes:
-        if command.words[3] != "wall/gran" or command.words[4] != "granular":
-            continue
-        wall = granular(command, command.words[5:])
+        wall, _ = law_of_wall(command)
         of_spheres = next((law for law in reading.laws.values() if not law.mixed), None)
         if wall is None or of_spheres is None or not wall.young or not of_spheres.young:
             continue
-        taken, own = wall.effective()[0], 2 * of_spheres.effective()[0]  # of LAMMPS; of a sphere on a rigid body
+        taken, own = wall.effective()[0], 2 * of_spheres.effective()[0]  # E* of LAMMPS; E* of a sphere on a rigid body
         material = 2 * taken  # of the wall alone, E/(1 − ν²)
         right = material * own / (material + own)
         if abs(taken / right - 1) > _SAME and abs(taken / own - 1) > _SAME:
@@ -198,7 +197,7 @@ def _frozen_shear(reading: Reading) -> Iterator[Finding]:
                 f"the friction is {law.friction:g}; in a wave of a fifth of the overlap the second harmonic is 1e-3 "
                 "off from a friction of 1e4, and 1e-4 at 10",
                 1e-3,
-                "a friction of 5 times the amplitude in overlaps, which contacts of a wave do not reach either",
+                "a friction of 5 times the amplitude in overlaps, at which contacts of a wave do not slide",
             )
             return
 
@@ -253,28 +252,28 @@ CHECKS = (
     ),
     Check(
         "secant-shear",
-        "On unloading the secant law gives back more energy than it may: after oblique impacts surfaces turn up to 3 % "
-        "of the speed of impact too fast or too slow with a friction of 0.5, and 6 % with 1.",
+        "On unloading, the secant law returns more energy than was stored: after oblique impacts the surface speed of "
+        "spheres is wrong by up to 3 % of the speed of impact at a friction of 0.5, and by 6 % at 1.",
         _secant,
     ),
     Check(
         "mixed-shear-modulus",
-        "With the stiffness NULL LAMMPS takes the mixed modulus E* for Young's modulus of both spheres in G*.",
+        "With the stiffness NULL, LAMMPS computes G* as if the mixed modulus E* were Young's modulus of both spheres.",
         _mixed_shear,
     ),
     Check(
         "wall-modulus",
-        "A wall of fix wall/gran has E* = E/(2(1-nu^2)) of its own line, as if the spheres were of its material.",
+        "LAMMPS gives contacts with a wall E* = E/(2(1-nu^2)) of its own line, as if the spheres had its material.",
         _wall,
     ),
     Check(
         "jkr-gap",
-        "LAMMPS begins a JKR contact at an overlap of 0 only, whatever the spheres did before.",
+        "LAMMPS begins a JKR contact only at an overlap of 0, even if the spheres touched before.",
         _jkr_gap,
     ),
     Check(
         "frozen-shear",
-        "LAMMPS stops turning the slip with its contact where that is below 1e-10 of the sliding force.",
+        "LAMMPS does not turn the slip with its contact while the change is below 1e-10 of the sliding force.",
         _frozen_shear,
     ),
     Check(
@@ -284,7 +283,7 @@ CHECKS = (
     ),
     Check(
         "periodic-images",
-        "The slip of a contact is kept by the number of the partner, so that two contacts with one partner mix it up.",
+        "LAMMPS stores the slip of a contact by the number of the partner, and mixes up two contacts with one partner.",
         _images,
     ),
 )

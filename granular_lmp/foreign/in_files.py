@@ -1,17 +1,21 @@
-"""Checks of what a deck writes and reads, and of the settings that LAMMPS needs for it."""
+"""Checks of the files that a deck writes and reads, and of the settings that LAMMPS needs for them."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import floor, log10
 
 import numpy as np
 
+from granular_lmp.foreign.between import MOVING, changes
 from granular_lmp.foreign.finding import Check, Finding
 from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import DUMPS
 from granular_lmp.foreign.vibrations import contacts_of, expected_displacement
 
-_DIGITS = 3  # of the overlap that a dump should leave
+Words = tuple[str, ...]
+
+_DIGITS = 3  # a dump should resolve displacements of the size of an overlap with this many digits
 _POSITIONS = ("x", "y", "z", "xs", "ys", "zs", "xu", "yu", "zu", "xsu", "ysu", "zsu")
 _SINGLE = {"dcd": 7, "xtc": 6, "xyz": 6, "atom": 6}  # digits of the styles of dumps without columns
 _ON_FACE = 1e-9  # distance from a periodic face, in radii
@@ -19,10 +23,11 @@ _ON_FACE = 1e-9  # distance from a periodic face, in radii
 
 def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
     expected = expected_displacement(reading)
-    gone = {word for command in reading.named("undump") for word in command.words[1:2]}
+    writing = {id(dump) for stage in reading.stages for dump in stage.dumps}
+    settings = [*dict.fromkeys(command.words for command in reading.named("dump_modify"))]  # a loop repeats its lines
     for dump in [] if expected is None else reading.dumps:
         assert expected is not None
-        unit = 0.0 if dump.words[1] in gone else _unit(reading, dump)
+        unit = _unit(reading, dump, settings) if id(dump) in writing else 0.0
         if unit and (left := log10(expected / unit)) < _DIGITS:
             yield Finding(
                 dump,
@@ -33,8 +38,8 @@ def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
             )
 
 
-def _unit(reading: Reading, dump: Command) -> float:
-    """Return the last digit of the positions of a dump, in units of the deck; 0 if displacements stand beside them."""
+def _unit(reading: Reading, dump: Command, settings: Sequence[Words]) -> float:
+    """Return the unit of the last digit of positions in a dump, in units of the deck; 0 if it holds displacements."""
     spheres = reading.spheres
     assert spheres is not None
     largest = np.abs(spheres.position).max(axis=0)[: reading.dimension]
@@ -45,18 +50,18 @@ def _unit(reading: Reading, dump: Command) -> float:
     if dump.words[3] not in ("custom", "custom/gz", "custom/zstd") or displacements or dump.words[5].endswith(".bin"):
         return 0.0
     axes = {name: "xyz".index(name[0]) for name in columns if name in _POSITIONS}
-    formats = _formats(reading, dump, columns)
+    formats = _formats(dump.words[1], columns, settings)
     units = [_rounding(formats[name], float(largest[axis])) for name, axis in axes.items() if axis < len(largest)]
     return max(units, default=0.0)
 
 
-def _formats(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[str, str]:
+def _formats(name: str, columns: Words, settings: Sequence[Words]) -> dict[str, str]:
     """Return the formats of the columns of a dump."""
     formats = dict.fromkeys(columns, "%g")
-    for command in reading.named("dump_modify"):
-        if command.words[1:2] != (dump.words[1],):
+    for words in settings:
+        if words[1:2] != (name,):
             continue
-        for keyword, kind, text in zip(command.words, command.words[1:], command.words[2:], strict=False):
+        for keyword, kind, text in zip(words, words[1:], words[2:], strict=False):
             if keyword == "format" and kind == "float":
                 formats = dict.fromkeys(columns, text)
             elif keyword == "format" and kind == "line":
@@ -67,7 +72,7 @@ def _formats(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[
 
 
 def _rounding(text: str, largest: float) -> float:
-    """Return the last digit of numbers up to a largest one by a format of C; 0 of one that is not known."""
+    """Return the last digit of numbers up to a largest one in a format of C; 0 if the format is not known."""
     match = re.search(r"%[-+ #0]*\d*(?:\.(\d+))?l?([efg])", text)
     if match is None:
         return 0.0
@@ -77,6 +82,22 @@ def _rounding(text: str, largest: float) -> float:
 
 def _last_digit(largest: float, digits: int) -> float:
     return 10.0 ** (floor(log10(largest)) + 1 - digits) if largest else 0.0
+
+
+def _moved_frames(reading: Reading) -> Iterator[Finding]:
+    told: set[int] = set()
+    places = {id(dump): n for n, dump in enumerate(reading.commands)} if reading.named(*MOVING) else {}
+    for dump in dict.fromkeys(reading.dumps) if places else ():  # a loop repeats its lines
+        for command in changes(reading, [dump], places[id(dump)]) if dump.words[3] in DUMPS else ():
+            if command.name in MOVING and id(command) not in told:
+                told.add(id(command))
+                yield Finding(
+                    command,
+                    f"'{command}' moves spheres in no time, and the dump {dump.words[1]} of {dump.place} is on: it has "
+                    "frames from before and after, which belong to no motion",
+                    None,
+                    f"undump {dump.words[1]}, before this line; or dump ... behind it",
+                )
 
 
 def _velocities_of_ghosts(reading: Reading) -> Iterator[Finding]:
@@ -144,6 +165,11 @@ CHECKS = (
         _coarse_dumps,
     ),
     Check(
+        "frames-without-motion",
+        "Velocities, spectra and fronts of a dump are wrong if no time passes between two of its frames.",
+        _moved_frames,
+    ),
+    Check(
         "ghost-velocities",
         "Dashpots and slip need the velocities of spheres beyond periodic faces and on other processors.",
         _velocities_of_ghosts,
@@ -155,7 +181,7 @@ CHECKS = (
     ),
     Check(
         "restart-without-law",
-        "LAMMPS restores the pair style of a restart file without its reach, so that contacts may have no force.",
+        "LAMMPS restores the pair style of a restart file without its cutoff, so that contacts may have no force.",
         _restart_without_law,
     ),
     Check(
@@ -165,7 +191,7 @@ CHECKS = (
     ),
     Check(
         "lost-spheres",
-        "Spheres that a step too long or an open face loses vanish without an error.",
+        "Spheres that leave because of too long a step or an open face vanish without an error.",
         _ignored_loss,
     ),
 )

@@ -1,4 +1,4 @@
-"""Checks of the dimensions of a deck, and of the motions that its integrators leave out."""
+"""Checks of the dimensions of a deck, and of motions that its integrators leave out."""
 
 from collections.abc import Iterator
 
@@ -10,9 +10,9 @@ from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.reading import Reading
 from granular_lmp.foreign.vibrations import contacts_of, turning
 
-_FLAT = 1e-9  # spread of a plane over the radius
-_TURNS = 1e-3  # torque over the forces that could turn a sphere, above which no symmetry holds it
-_SHEET = 4  # spheres at least
+_FLAT = 1e-9  # of the radius; places of spheres in one plane differ by less
+_TURNS = 1e-3  # torque over the largest possible one; above this, no symmetry forbids rotation
+_SHEET = 4  # a sheet has at least this many spheres
 
 
 def _fixes(reading: Reading) -> tuple[Command, ...]:
@@ -64,7 +64,7 @@ def _columns(reading: Reading) -> Iterator[Finding]:
 
 
 def through_flat_axis(reading: Reading) -> NDArray[np.bool_]:
-    """Return which contacts are those of spheres of a flat sheet with their own images above and below it."""
+    """Return which contacts are between a sphere of a flat sheet and its own image above or below the sheet."""
     spheres, contacts = reading.spheres, contacts_of(reading)
     assert spheres is not None
     assert contacts is not None
@@ -79,7 +79,7 @@ def _discs(reading: Reading) -> Iterator[Finding]:
         if fix.words[3] == "nve/sphere" and "disc" in fix.words[4:]:
             yield Finding(
                 fix,
-                "'disc' gives the moment of inertia m R²/2 of a disc to what has the contacts and the mass of spheres: "
+                "'disc' gives bodies with the contacts and the mass of spheres the moment of inertia m R²/2 of a disc: "
                 "free rotations are 11 % slower",
                 1 - (0.4 / 0.5) ** 0.5,
                 str(fix).replace(" disc", ""),
@@ -106,7 +106,7 @@ def _without_turning(reading: Reading) -> Iterator[Finding]:
 CHECKS = (
     Check(
         "free-plane",
-        "A sheet in space leaves its plane as soon as rounding pushes it, at no cost or with a gain of energy.",
+        "A sheet in space leaves its plane as soon as rounding pushes it, as this costs no energy or releases some.",
         _free_plane,
     ),
     Check(
@@ -116,12 +116,12 @@ CHECKS = (
     ),
     Check(
         "discs",
-        "Laws of Hertz and Mindlin are those of spheres, whose moment of inertia is 2/5 m R².",
+        "The laws of Hertz and Mindlin are for spheres, whose moment of inertia is 2/5 m R².",
         _discs,
     ),
     Check(
         "no-rotation",
-        "Shear forces turn spheres; without rotation the transverse waves are others, and too fast.",
+        "Shear forces turn spheres; without rotation transverse waves are different, and too fast.",
         _without_turning,
     ),
 )

@@ -1,4 +1,4 @@
-"""Checks of the time step of a deck: against vibrations, collisions and dashpots, and of the list of neighbours."""
+"""Checks of the time step of a deck against vibrations, collisions and dashpots, and of its list of neighbours."""
 
 from collections.abc import Iterator
 from math import pi
@@ -10,11 +10,11 @@ from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.reading import Reading
 from granular_lmp.foreign.vibrations import contacts_of, fastest, fastest_decay, first_collision
 
-STEPS = 25  # at least, in the fastest period and in a collision: the errors are then 3e-3 and 3e-4
+STEPS = 25  # fewest in the fastest period and in a collision; the errors are then 3e-3 and 3e-4
 _LONGEST = 2 * pi / STEPS  # rad, the phase of the fastest vibration in one step
-# Relative error of the speed after a collision of n steps, at most, times n^(5/2), by velocity Verlet; from three steps
+# By velocity Verlet, the relative error of the speed after a collision of n ≥ 3 steps is at most _LOSS/n^(5/2)
 _LOSS, _FEWEST = 1.1, 3.0
-_LAG = 0.01  # relative error of a decay that is let pass
+_LAG = 0.01  # relative error of a decay that is accepted
 _SKINS = {"lj": 0.3, "real": 2.0, "metal": 2.0, "si": 1e-3, "cgs": 0.1, "electron": 2.0, "micro": 0.1, "nano": 0.1}
 
 
@@ -118,7 +118,7 @@ def _thick_skin(reading: Reading) -> Iterator[Finding]:
 
 
 def skin_of(reading: Reading) -> float:
-    """Return the thickness of the shell around a sphere in which its neighbours are listed."""
+    """Return the skin: neighbours are listed up to this distance beyond contact."""
     lines = reading.named("neighbor")
     return float(lines[-1].words[1]) if lines else _SKINS[reading.units]
 
@@ -131,22 +131,22 @@ CHECKS = (
     ),
     Check(
         "collision-time",
-        "A contact that opens within few steps is left in the middle of one, and the speed after it depends on chance.",
+        "A contact that lasts few steps opens in the middle of a step, and the speed after it depends on chance.",
         _collision,
     ),
     Check(
         "first-order-damping",
-        "LAMMPS takes velocities of half a step ago for dashpots, so that damping is of first order in the step.",
+        "LAMMPS computes dashpots with velocities of half a step ago, so that damping is of first order in the step.",
         _late_damping,
     ),
     Check(
         "rare-neighbour-lists",
-        "A contact that is not yet in the list has no force, and begins with an overlap and without its shear history.",
+        "A contact that is not yet in the list has no force, and begins later with an overlap and no shear history.",
         _rare_lists,
     ),
     Check(
         "thick-skin",
-        "Each pair of the list is looked at in each step; the default skin is meant for spheres of another size.",
+        "LAMMPS looks at each pair of the list in each step; the default skin is meant for spheres of another size.",
         _thick_skin,
     ),
 )

@@ -1,9 +1,9 @@
-"""Rows, columns and layers of spheres whose places alone are known, in one of the lattices of a scene.
+"""Find rows, columns and layers of spheres in one of the lattices of a scene, from their places only.
 
-Each lattice is tried in each orientation along the axes of the box. The spheres around one in the middle get their
-numbers from the shifts of the lattice (`granular_lmp.crystal.lattice`), an affine map from numbers to places is fitted
-to them, and with it the spheres within twice the distance are numbered, until all are. The map tells a lattice from
-one that is strained, sheared or turned: such a crystal is refused with what it is.
+Each lattice is tried in each orientation along the axes of the box. The spheres around a sphere in the middle get their
+numbers from the shifts of the lattice (`granular_lmp.crystal.lattice`). An affine map from numbers to places is fitted
+to them and numbers the spheres within twice the distance, until all spheres have a number. The map shows whether the
+lattice is strained, sheared or turned; such a crystal is refused, and the message says which.
 
 *Good values*: spheres within a tenth of the distance of neighbours from their places, and vacancies at up to a fifth
 of them.
@@ -22,12 +22,12 @@ from granular_lmp.frozen import dataclass
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_NEAR = 0.25  # of the distance of neighbours: a sphere this near to a place is there
-_FIRST = 1.6  # distances of neighbours from the first sphere to those that are numbered first
-_MOST_EMPTY = 0.2  # of the places: more vacancies are another lattice
-_FLAT = 0.5  # of the distance of neighbours: rows and layers are farther apart
+_NEAR = 0.25  # of the distance of neighbours; a sphere belongs to a place if it is nearer than this
+_FIRST = 1.6  # the spheres within this many distances of neighbours of the first one are numbered first
+_MOST_EMPTY = 0.2  # of the places; with more vacancies the lattice is another one
+_FLAT = 0.5  # of the distance of neighbours; rows and layers are farther apart than this
 _ORDER, _NAMES = [1, 0, 2], ("rows", "columns", "layers")  # by the axes y, x and z
-_FITS = 1e-3  # of a period of the box: whole numbers of rows differ by more
+_FITS = 1e-3  # relative deviation from a whole number of rows in the box
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Indexed:
 
 
 def index(places: Floats, edges: Floats, periodic: NDArray[np.bool_], strain: float) -> Iterator[Indexed]:
-    """Yield the ways in which spheres are a lattice of a scene, those without vacancies first.
+    """Yield the ways to number spheres in a lattice of a scene, ways without vacancies first.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def index(places: Floats, edges: Floats, periodic: NDArray[np.bool_], strain: fl
     Raises
     ------
     SceneError
-        If there is none; the text says what is wrong with the nearest.
+        If there is none; the message says how the crystal differs from the nearest lattice.
     """
     if len(places) < 2:
         raise SceneError("a single sphere is no crystal")
@@ -125,9 +125,9 @@ def _axes(lattice: Lattice) -> list[int]:
 
 
 def _turns(wide: NDArray[np.bool_]) -> list[Floats]:
-    """Return the rotations of the axes that make a plane of spheres one of z = const, and a line one along y.
+    """Return the rotations of the axes that turn a plane of spheres into z = const, and a line into the axis y.
 
-    Those that change least come first; of a line there are two, one for each end.
+    Rotations that change least come first. A line has two, one for each end.
     """
     found, axes = [], np.flatnonzero(wide)
     for order in permutations(range(3)):
@@ -150,7 +150,7 @@ def _indexed(
     periodic: NDArray[np.bool_],
     strain: float,
 ) -> Iterator[Indexed]:
-    """Yield the ways in which turned places are those of a lattice, by the place in its period of one of them."""
+    """Yield the ways to number turned places in a lattice, one for each place of its period at which they may begin."""
     first = int(np.argmin(np.linalg.norm(places - (places.max(axis=0) + places.min(axis=0)) / 2, axis=1)))
     from_first = places - places[first]
     distance = np.linalg.norm(from_first, axis=1)
@@ -180,7 +180,7 @@ def _spacing(lattice: Lattice, touching: float) -> Floats:
 def _grown(
     lattice: Lattice, start: tuple[int, ...], places: Floats, distance: Floats, apart: float
 ) -> tuple[Integers, Floats] | None:
-    """Return row, column and layer of all spheres, (N, 3), and the fitted map (3, 3); None if it is another lattice."""
+    """Return row, column and layer of all spheres, (N, 3), and the fitted map (3, 3); None if they do not fit."""
     begin = np.array(lattice.offsets(*np.array(start)))
     axes, scale, shift = _axes(lattice), np.diag(_spacing(lattice, apart)), np.zeros(3)
     reach, farthest = _FIRST * apart, float(distance.max())
@@ -248,7 +248,7 @@ def _counts(
 
 
 def _in_box(lattice: Lattice, numbers: Integers, counts: tuple[int, int, int]) -> tuple[Integers, Integers] | None:
-    """Return numbers from 0 and the empty places; None if no scene begins at this place of the period of a lattice."""
+    """Return numbers from 0 and the empty places; None if no scene begins at this place of the lattice's period."""
     lowest, periods = numbers.min(axis=0), np.array((lattice.row_period, lattice.column_period, lattice.layer_period))
     # As `granular_lmp.crystal.lattices.packed` counts: rows from the middle one, columns from theirs
     wanted = -np.array([(counts[0] - 1) // 2, counts[1] // 2, 0])
@@ -264,9 +264,9 @@ def _in_box(lattice: Lattice, numbers: Integers, counts: tuple[int, int, int]) -
 
 
 def _distance(lattice: Lattice, strained: Floats, periodic: NDArray[np.bool_], most: float) -> float:
-    """Return the distance of touching spheres of an affine map that keeps the shape of a lattice; else refuse it.
+    """Return the distance of touching spheres in a lattice that an affine map only scales; refuse other maps.
 
-    A periodic box says it; elsewhere it is the mean over all axes.
+    Along periodic axes the box gives this distance; without any, it is the mean over all axes.
     """
     axes = _axes(lattice)
     left, stretches, right = np.linalg.svd(strained[:, axes], full_matrices=False)
@@ -294,7 +294,7 @@ def _words(lattice: Lattice) -> str:
 
 
 def _turned(places: Floats, apart: float, wide: NDArray[np.bool_]) -> str:
-    """Return that spheres are in no lattice, or of a plane that they are in one whose rows are not along an axis."""
+    """Return the message that spheres are in no lattice, or that the rows of their plane are not along an axis."""
     from scipy.spatial import cKDTree  # kept out of start-up
 
     said = "the spheres are in none of the lattices of a scene"

@@ -1,4 +1,4 @@
-"""The contact laws of a deck, as its ``pair_style``, ``pair_coeff`` and ``fix wall/gran`` give them.
+"""Contact laws of a deck from its ``pair_style``, ``pair_coeff`` and ``fix wall/gran``.
 
 ``pair_style granular`` has a normal law, a tangential law and a damping law for each pair of types; the older styles
 ``gran/hooke``, ``gran/hooke/history`` and ``gran/hertz/history`` have one law for all spheres. Stiffnesses are in units
@@ -7,9 +7,9 @@ of the deck.
 https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/pair_gran.html
 """
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from math import sqrt
 from typing import Any
 
@@ -23,7 +23,7 @@ from granular_lmp.units import AnyUnits
 
 Floats = NDArray[np.float64]
 
-_NORMAL = {  # the names of their coefficients, in LAMMPS's order
+_NORMAL = {  # names of the coefficients of each law, in LAMMPS's order
     "hooke": ("stiffness", "damping"),
     "hertz": ("stiffness", "damping"),
     "hertz/material": ("young", "damping", "poisson"),
@@ -39,7 +39,10 @@ _TANGENTIAL = {
     ),
 }
 _DAMPING = ("velocity", "mass_velocity", "viscoelastic", "tsuji", "coeff_restitution")
-_READ = {*_NORMAL, *_TANGENTIAL, *_DAMPING, "tangential", "damping", "rolling", "twisting", "none", "NULL"}
+_OF_TANGENTIAL = ("tangential", "shear_stiffness", "shear_damping", "friction")
+_PARTS = ("tangential", "damping", "rolling", "twisting", "heat")  # keywords that a name of a sub-model follows
+PLANES = ("xplane", "yplane", "zplane")
+_SURFACES = (*PLANES, "zcylinder", "region")  # words of fix wall/gran that end its law
 CLASSIC = ("gran/hooke", "gran/hooke/history", "gran/hertz/history")
 MATERIAL = ("hertz/material", "dmt", "jkr")
 
@@ -50,14 +53,15 @@ class Law:
 
     Attributes
     ----------
-    command : where it stands.
+    command : the command that gives it.
     normal, tangential, damping_law : names of its parts.
-    young, poisson, gamma : material of the normal law, where it has one.
-    stiffness : that of "hooke" and "hertz".
+    young, poisson, gamma : material of the normal law, if it has one.
+    stiffness : coefficient of "hooke" and "hertz".
     damping : coefficient of the damping law.
-    shear_stiffness : as it stands; None if it is NULL.
+    shear_stiffness : as written; None if it is NULL.
     shear_damping, friction : of the tangential law.
-    mixed : whether LAMMPS mixes it from the laws of the two types.
+    mixed : whether LAMMPS mixes the law from those of the two types.
+    unread : the first option that this package does not compute, such as "rolling sds"; "" if there is none.
     shear_share : shear stiffness over that of contact mechanics, for a mixed law.
     """
 
@@ -74,6 +78,7 @@ class Law:
     shear_damping: float = 0.0
     friction: float = 0.0
     mixed: bool = False
+    unread: str = ""
     shear_share: float = 1.0
     modulus: float = 0.0  # E*, where the law is mixed
     shear_modulus: float = 0.0  # G*, where the law is mixed
@@ -96,7 +101,7 @@ class Law:
         return one[0] / 2, one[1] / 2
 
     def elastic(self, radius: Any) -> AdhesionLaw | None:
-        """Return the law of contacts with effective radii; None where the normal law has no material."""
+        """Return the law of contacts with these effective radii; None if the normal law has no material."""
         if self.normal not in MATERIAL:
             return None
         modulus, shear = self.effective()
@@ -106,7 +111,7 @@ class Law:
         return kind.between(modulus, shear * self.shear_share, radius, 2 * self.gamma)
 
     def stiffnesses(self, radius: Floats, overlap: Floats) -> tuple[Floats, Floats]:
-        """Return ∂f_N/∂δ and ∂f_S/∂ξ of contacts with effective radii and overlaps."""
+        """Return ∂f_N/∂δ and ∂f_S/∂ξ of contacts with these effective radii and overlaps."""
         elastic = self.elastic(radius)
         if elastic is not None:
             inside = np.maximum(elastic.nearest(overlap), 0.0 if self.normal != "jkr" else -np.inf)
@@ -121,10 +126,10 @@ class Law:
         return normal, shear if self.has_history else np.zeros_like(shear)
 
     def collision(self, radius: float, mass: float, speed: float) -> float | None:
-        """Return how long two spheres touch that meet head-on without adhesion and damping, or None if it is unknown.
+        """Return the contact time of two spheres that meet head-on without adhesion and damping; None if unknown.
 
-        With a law f = k δ^{3/2} and the effective mass m they touch for 2.943 δmax/v, δmax = (5mv²/4k)^{2/5}; with
-        f = k δ for π √(m/k).
+        With the effective mass m, it is 2.943 δmax/v, δmax = (5mv²/4k)^{2/5}, for a law f = k δ^{3/2}, and π √(m/k)
+        for f = k δ.
         """
         normal, _ = self.stiffnesses(np.array([radius]), np.array([1.0]))
         if self.normal == "jkr" or not normal[0]:
@@ -134,7 +139,7 @@ class Law:
         return float(2.943 * (5 * mass * speed**2 / (4 * normal[0] / 1.5)) ** 0.4 / speed)
 
     def in_si(self, units: AnyUnits) -> dict[str, Any]:
-        """Return what ``run.json`` says of a law, in SI units (of units lj in these); a damping also as it stands."""
+        """Return the entry of a law in ``run.json``, in SI units (units lj stay); a damping also as written."""
         pressure = {"mass": 1, "length": -1, "time": -2}
         return {
             "normal": self.normal,
@@ -146,13 +151,15 @@ class Law:
             "shear_damping": self.shear_damping,
             "friction": self.friction,
             "mixed": self.mixed,
+            "line": f"{self.command.place}: '{self.command}'",
+            "unread": self.unread,
             "damping_law": self.damping_law,
             "damping": self.damping,
             "viscosity": units.si(self.damping, mass=1, time=-1),
         }
 
     def dashpot(self, radius: Floats, overlap: Floats, mass: Floats) -> Floats:
-        """Return the coefficient of the normal force over the approaching velocity, with the effective mass."""
+        """Return the normal force of the dashpot over the approaching velocity; `mass` is the effective mass."""
         if self.damping_law == "velocity":
             return np.full_like(overlap, self.damping)
         if self.damping_law == "mass_velocity" or (self.normal in CLASSIC and "hertz" not in self.normal):
@@ -166,7 +173,7 @@ class Law:
 
 
 def laws_of(commands: Sequence[Command], types: int) -> dict[tuple[int, int], Law]:
-    """Return the law of each pair of types, the lower one first; empty where the pair style is not known."""
+    """Return the law of each pair of types, the lower type first; empty if a law or a label of a type is not known."""
     styles = [command for command in commands if command.name == "pair_style"]
     if not styles:
         return {}
@@ -175,10 +182,16 @@ def laws_of(commands: Sequence[Command], types: int) -> dict[tuple[int, int], La
     if style.words[1] in CLASSIC:
         return dict.fromkeys(pairs, _classic(style))
     found: dict[tuple[int, int], Law] = {}
+    labels = _labels(commands)
     for command in commands[commands.index(style) :] if style.words[1] == "granular" else ():
-        if command.name == "pair_coeff" and (law := granular(command, command.words[3:])):
-            one, other = (_types(word, types) for word in command.words[1:3])
-            found |= {(i, j): law for i, j in pairs if (i in one and j in other) or (j in one and i in other)}
+        if command.name != "pair_coeff":
+            continue
+        chosen = _chosen(command.words[1:3], types, labels)
+        law = granular(command, command.words[3:])
+        if chosen is None or law is None:
+            return {}
+        cutoff = str(style) if len(style.words) > 2 else ""
+        found |= dict.fromkeys(chosen, replace(law, unread=law.unread or cutoff))
     for i, j in pairs:
         if (i, j) not in found and {(i, i), (j, j)} <= found.keys():
             found[i, j] = _mixed(found[i, i], found[j, j])
@@ -186,28 +199,38 @@ def laws_of(commands: Sequence[Command], types: int) -> dict[tuple[int, int], La
 
 
 def granular(command: Command, words: Sequence[str]) -> Law | None:
-    """Return the law that the words of ``pair_coeff`` or ``fix wall/gran granular`` give, or None if it is unknown."""
-    if words[0] not in _NORMAL:
+    """Return the law that the words of ``pair_coeff`` or ``fix wall/gran granular`` give; None if it is unknown.
+
+    Words are read in their order, as in LAMMPS: of two ``tangential`` or ``damping`` the last one holds. `Law.unread`
+    names an option that is not known.
+    """
+    if not words or words[0] not in _NORMAL:
         return None
     values: dict[str, Any] = _numbers(_NORMAL[words[0]], words[1:])
-    for keyword, style, *rest in zip(words, words[1:], *(words[n:] for n in (2, 3, 4)), strict=False):
+    left = list(words[1 + len(_NORMAL[words[0]]) :])
+    while left:
+        keyword, style = left[0], "".join(left[1:2])
         if keyword == "tangential" and style in _TANGENTIAL:
-            values |= {"tangential": style} | _numbers(_TANGENTIAL[style], rest)
-    if "tangential" in words and "tangential" not in values:  # at the end of the line, with fewer than three numbers
-        place = list(words).index("tangential")
-        style = words[place + 1]
-        values |= {"tangential": style} | _numbers(_TANGENTIAL.get(style, ()), words[place + 2 :])
-    if "damping" in words:
-        values["damping_law"] = words[list(words).index("damping") + 1]
+            names = _TANGENTIAL[style]
+            values = {name: value for name, value in values.items() if name not in _OF_TANGENTIAL}
+            values |= {"tangential": style} | _numbers(names, left[2:])
+            left = left[2 + len(names) :]
+        elif keyword == "damping" and style in _DAMPING:
+            values["damping_law"] = style
+            left = left[2:]
+        elif keyword in ("rolling", "twisting", "heat") and style == "none":
+            left = left[2:]
+        else:
+            values["unread"] = f"{keyword} {style}".strip() if keyword in _PARTS else keyword
+            break
     return Law(command, words[0], **values)
 
 
-def unread(words: Sequence[str]) -> str | None:
-    """Return a word of a law that `granular` does not read: rolling or twisting, or an option; None if all are."""
-    for part, style in pairwise(words):
-        if part in ("rolling", "twisting") and style != "none":
-            return part
-    return next((word for word in words if word not in _READ and not is_number(word)), None)
+def law_of_wall(fix: Command) -> tuple[Law | None, tuple[str, ...]]:
+    """Return the law of ``fix wall/gran granular`` (None if it is unknown) and the words after it, the surface."""
+    words = fix.words[5:]
+    end = next((n for n, word in enumerate(words) if word in _SURFACES), len(words))
+    return granular(fix, words[:end]) if fix.words[3:5] == ("wall/gran", "granular") else None, words[end:]
 
 
 def is_number(word: str) -> bool:
@@ -225,6 +248,7 @@ def _numbers(names: Iterable[str], words: Sequence[str]) -> dict[str, float | No
 
 def _classic(style: Command) -> Law:
     stiffness, shear, damping, shear_damping, friction, flag = style.words[2:8]
+    unread = " ".join(style.words[8:])
     normal = float(stiffness)
     return Law(
         style,
@@ -236,24 +260,55 @@ def _classic(style: Command) -> Law:
         shear_stiffness=2 / 7 * normal if shear == "NULL" else float(shear),
         shear_damping=(float(damping) / 2 if shear_damping == "NULL" else float(shear_damping)) * (flag != "0"),
         friction=float(friction),
+        unread=unread,
     )
+
+
+def _labels(commands: Sequence[Command]) -> dict[str, int]:
+    """Return the types of spheres that ``labelmap`` names."""
+    found: dict[str, int] = {}
+    for command in commands:
+        if command.name == "labelmap" and command.words[1] == "atom":
+            found |= {
+                label: int(number) for number, label in zip(command.words[2::2], command.words[3::2], strict=True)
+            }
+    return found
+
+
+def _chosen(words: Sequence[str], types: int, labels: Mapping[str, int]) -> list[tuple[int, int]] | None:
+    """Return the pairs of types that two words of ``pair_coeff`` choose; None if a label is not known.
+
+    LAMMPS puts two single types in order. With an asterisk it takes only pairs whose first type is in the first range
+    and is not the larger one.
+    """
+    if any(not re.fullmatch(r"\d*\*?\d*", word) and word not in labels for word in words):
+        return None
+    one, other = (_types(str(labels.get(word, word)), types) for word in words)
+    if len(one) == len(other) == 1:
+        one, other = sorted((one, other), key=min)
+    return [(i, j) for i in one for j in other if i <= j]
 
 
 def _types(word: str, types: int) -> range:
     low, star, high = word.partition("*")
-    if not (low + high).isdecimal() and word != "*":  # labels of types are not resolved
-        return range(0)
     first = int(low or 1)
     return range(first, int(high or types) + 1) if star else range(first, first + 1)
 
 
 def _mixed(one: Law, other: Law) -> Law:
-    """Return the law that LAMMPS mixes, with E*, G* of contact mechanics and the share of G* that LAMMPS takes.
+    """Return the law that LAMMPS mixes, with E*, G* of contact mechanics and the share of G* that LAMMPS uses.
 
-    With the stiffness NULL LAMMPS puts the mixed E* and √(ν1 ν2) in place of the material of either sphere.
+    With the stiffness NULL, LAMMPS computes G* as if both spheres had the mixed E* as modulus, and √(ν1 ν2).
     """
+    same: dict[str, Any] = {
+        "mixed": True,
+        "unread": one.unread or other.unread,
+        "damping": sqrt(max(one.damping * other.damping, 0.0)),
+        "shear_damping": sqrt(max(one.shear_damping * other.shear_damping, 0.0)),
+        "friction": sqrt(max(one.friction * other.friction, 0.0)),
+    }
     if one.normal not in MATERIAL:
-        return replace(one, stiffness=sqrt(one.stiffness * other.stiffness), mixed=True)
+        return replace(one, stiffness=sqrt(one.stiffness * other.stiffness), **same)
     (e, g), (e2, g2) = one.effective(), other.effective()
     modulus, shear = 2 * e * e2 / (e + e2), 2 * g * g2 / (g + g2)
     poisson = sqrt(max(one.poisson * other.poisson, 0.0))
@@ -261,7 +316,7 @@ def _mixed(one: Law, other: Law) -> Law:
     null = one.shear_stiffness is None and other.shear_stiffness is None
     return replace(
         one,
-        mixed=True,
+        **same,
         gamma=sqrt(max(one.gamma * other.gamma, 0.0)),
         poisson=poisson,
         modulus=modulus,

@@ -1,7 +1,7 @@
-"""How alike the deck of a scene and a foreign deck are when they begin, as LAMMPS reads both.
+"""Compare the deck of a scene with a foreign deck at their beginning, as LAMMPS reads both.
 
 Places, velocities and forces are compared sphere by sphere, stiffnesses contact by contact. The deck of the scene is
-built for it, so that an error in the reading of either shows.
+built and read too, so that an error in the reading of either deck shows.
 """
 
 import tempfile
@@ -18,7 +18,8 @@ from granular_lmp.errors import SceneError
 from granular_lmp.foreign.indexing import Indexed
 from granular_lmp.foreign.laws import Law
 from granular_lmp.foreign.outside import Outside, outside_of
-from granular_lmp.foreign.reading import Reading, Spheres, read
+from granular_lmp.foreign.reading import Reading, read
+from granular_lmp.foreign.stages import Spheres
 from granular_lmp.foreign.vibrations import effective_radius
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.deck import deck_of
@@ -28,14 +29,14 @@ from granular_lmp.units import STYLES, AnyUnits
 
 Floats = NDArray[np.float64]
 
-# Differences beyond which a scene describes another crystal
-_PLACE = 0.01  # of the static compression, or of the unit of overlaps of an impact
+# A scene with larger differences describes another crystal
+_PLACE = 0.01  # of the static compression; for an impact, of the unit of overlaps
 _STIFFNESS = 0.01
-_MOTION = 1e-6  # of the fastest sphere, of radii, of masses and of the time step
+_MOTION = 1e-6  # of the largest speed, of radii, of masses and of the time step
 _FORCE = 0.01  # of the largest force on a sphere that moves
-_FAINT = 1e-4  # of the unit of forces: a largest force below is rounding
-_TOUCHING = 1e-8  # overlap over the radius: contacts of less just touch, and rounding parts them
-_SHALLOW = 1e-4  # overlap over the radius at which laws are compared
+_FAINT = 1e-4  # of the unit of forces; if the largest force is smaller, it is rounding
+_TOUCHING = 1e-8  # of the radius; contacts with smaller overlaps just touch, and rounding parts them
+_SHALLOW = 1e-4  # of the radius; overlap at which laws are compared
 _OF_WALL = ("normal", "young", "poisson", "gamma", "friction", "damping_law")
 _OF_SLIDING = ("tangential", "shear_stiffness", "shear_damping")  # where there is friction
 _ZERO = np.finfo(float).tiny
@@ -50,7 +51,7 @@ class Likeness:
     largest, rms : float
         Distances of places, m.
     diameter, compression : float
-        2R, and the overlap at rest, m; of an impact 0.
+        2R, and the overlap at rest, m; the latter is 0 for an impact.
     normal, shear : float
         Largest relative differences of the stiffnesses of contacts.
     spheres : float
@@ -76,7 +77,7 @@ class Likeness:
 
     @property
     def lines(self) -> list[str]:
-        """Sentences for the user."""
+        """Lines of the output."""
         of = [(self.diameter, "diameter")] + [(self.compression, "static compression")] * bool(self.compression)
         shares = ", ".join(f"{self.largest / size:.1e} (rms {self.rms / size:.1e}) of the {name}" for size, name in of)
         return [
@@ -90,12 +91,12 @@ class Likeness:
 def likeness(reading: Reading, spheres: Spheres, scene: Scene, indexed: Indexed, outside: Outside) -> Likeness:
     """Return the differences of a scene from a foreign deck whose spheres, in SI units, have places in its lattice.
 
-    `outside` is what acts on the spheres of the deck beside their contacts.
+    `outside` are the actions on the spheres of the deck beside their contacts.
 
     Raises
     ------
     SceneError
-        If the scene describes another crystal, by its places, contacts or forces.
+        If the scene describes another crystal: places, contacts or forces differ.
     """
     problem = prepare(scene)
     own = _read(problem)
@@ -123,7 +124,7 @@ def likeness(reading: Reading, spheres: Spheres, scene: Scene, indexed: Indexed,
     forces = (turned(spheres.force) - of_mine(mine.force, 1, 1, -2))[spheres.moves]
     scale = scene.scale
     unit = scale.force(scale.length, scene.sphere.normal_stiffness)
-    # Places that spread push spheres that are struck: what counts is the force that stops them in a unit of time
+    # Rounding of places pushes struck spheres too: the scale is the force that stops them in a unit of time
     struck = 0.0 if scene.form.fills else speed * scale.mass / scale.time
     largest = max(float(np.abs(spheres.force[spheres.moves]).max()), _FAINT * unit, struck)
     _refuse_walls(_planes(outside, reading, spheres, indexed.turn), _planes_of(own, of_mine, problem), scene)
@@ -147,7 +148,7 @@ def likeness(reading: Reading, spheres: Spheres, scene: Scene, indexed: Indexed,
         force = np.linalg.norm(spheres.force[spheres.moves][worst])
         raise SceneError(
             f"forces at the beginning differ by up to {found.force:.2g} from those of the nearest scene: sphere "
-            f"{number} bears {force:.3g} N in the deck, {np.abs(forces).max():.3g} N other than in the scene"
+            f"{number} bears {force:.3g} N in the deck, which differs by {np.abs(forces).max():.3g} N from the scene"
         )
     return found
 
@@ -189,7 +190,7 @@ def _planes(outside: Outside, reading: Reading, spheres: Spheres, turn: Floats) 
 
 
 def _planes_of(own: Reading, of_mine: Callable[..., Floats], problem: Problem) -> Planes:
-    """Return the same of the deck of a scene, whose units may be its own."""
+    """Return the same for the deck of a scene, whose units may be its own."""
     mine, units = own.spheres, problem.units
     assert mine is not None
     place, radius, found = of_mine(mine.position, 0, 1, 0), of_mine(mine.radius, 0, 1, 0), []
@@ -200,7 +201,7 @@ def _planes_of(own: Reading, of_mine: Callable[..., Floats], problem: Problem) -
 
 
 def _said(law: Law, units: AnyUnits) -> dict[str, Any]:
-    """Return what a law says in SI units, its shear stiffness also where it is that of the material."""
+    """Return the entry of a law in SI units, with the shear stiffness of the material if it is NULL."""
     shear = law.shear_stiffness if law.shear_stiffness is not None else 8 * law.effective()[1]
     return law.in_si(units) | {"shear_stiffness": units.si(shear, mass=1, length=-1, time=-2)}
 
@@ -229,7 +230,7 @@ def _refuse(found: Likeness, scene: Scene) -> None:
     if found.largest > _PLACE * length:
         raise SceneError(
             f"spheres are up to {found.largest:.3g} m from their places in the scene, {found.largest / length:.2g} of "
-            "the overlap; they are no crystal of a scene"
+            "the overlap; this is not the crystal of a scene"
         )
     for name, value, most in (
         ("normal stiffnesses of contacts", found.normal, _STIFFNESS),
@@ -252,9 +253,9 @@ def _read(problem: Problem) -> Reading:
 
 
 def aligned(away: Floats, atoms: ase.Atoms, radius: float, indexed: Indexed, held: NDArray[np.bool_]) -> Floats:
-    """Return differences of places, m, without a common shift, and across periodic faces the least ones.
+    """Return differences of places, m, without a common shift, to the nearest image across periodic faces.
 
-    Spheres that are held have no difference in the mean; if none is, all have none.
+    The mean difference of held spheres is 0; if no sphere is held, that of all spheres.
     """
     away = away - away[int(np.argmin(indexed.sites))]
     for axis in np.flatnonzero(atoms.pbc):
@@ -268,12 +269,12 @@ def _stiffnesses(
 ) -> tuple[int, float, float]:
     """Return the number of contacts of both decks and the largest relative differences of their stiffnesses.
 
-    The laws are compared at an overlap of `_SHALLOW` too, as contacts that just touch have no stiffness.
+    The laws are also compared at an overlap of `_SHALLOW`, as contacts that just touch have no stiffness.
 
     Raises
     ------
     SceneError
-        If a contact is in one of the decks alone.
+        If a contact is in only one of the decks.
     """
     units, deck = problem.units, STYLES[reading.units]
     theirs = _by_pair(reading, np.argsort(np.argsort(indexed.sites)))

@@ -1,4 +1,4 @@
-"""All checks of a granular wave deck, one after the other."""
+"""All checks of a granular wave deck."""
 
 from granular_lmp.foreign import in_contacts, in_files, in_space, in_time
 from granular_lmp.foreign.finding import Check, Finding
@@ -8,7 +8,7 @@ CHECKS = (*in_time.CHECKS, *in_contacts.CHECKS, *in_files.CHECKS, *in_space.CHEC
 
 
 def lint(reading: Reading) -> list[tuple[Check, Finding]]:
-    """Return what may be wrong with a deck, each with the check that found it, in the order of the checks."""
+    """Return the findings in a deck, each with its check, in the order of the checks."""
     if not reading.is_granular:
         return []
     return [(check, finding) for check in CHECKS for finding in check.find(reading)]

@@ -1,4 +1,4 @@
-"""Meaning of the columns of dumps of contacts, by the computes that the deck names in them."""
+"""Meaning of the columns of dumps of contacts, from the computes of the deck."""
 
 import re
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ _LOCAL = ("property/local", "pair/local")
 
 
 def local_dumps(reading: Reading) -> dict[Path, list[str]]:
-    """Return the files of a deck's dumps of contacts that are there, each with the words of its columns."""
+    """Return the existing files of a deck's dumps of contacts, each with the words of its columns."""
     folder = Path(reading.deck).parent
     found: dict[Path, list[str]] = {}
     for dump in reading.dumps:
@@ -26,15 +26,15 @@ def local_dumps(reading: Reading) -> dict[Path, list[str]]:
 
 
 def words_of(reading: Reading, dump: Command) -> list[str]:
-    """Return the words of the columns of a ``dump local``; `OTHER` of a column that is none of contacts."""
+    """Return the words of the columns of a ``dump local``; `OTHER` if a column does not describe contacts."""
     computes = {each.words[1]: each.words[4:] for each in reading.named("compute") if each.words[3] in _LOCAL}
-    # The values p1, p2, … of another pair style are other ones
+    # With other pair styles p1, p2, … are other quantities
     known = [word for word in WORDS if reading.is_granular or not word.startswith("p") or word in ENDS]
     return [word for column in dump.words[6:] for word in _words(column, computes, known)]
 
 
 def _words(column: str, computes: dict[str, tuple[str, ...]], known: Sequence[str]) -> list[str]:
-    """Return the words of a column of a dump, of "c_ID[*]" all of a compute."""
+    """Return the words of a column of a dump; for "c_ID[*]" those of all values of the compute."""
     match = _COLUMN.fullmatch(column)
     if match is None or match[1] not in computes:
         return [OTHER]

@@ -1,9 +1,9 @@
-"""Forces and motions of a deck that are not those of contacts: fixes that push, hold, move or turn spheres, and walls.
+"""Forces and motions of a deck beside its contacts: walls, and fixes that push, hold, move or turn spheres.
 
-A fix that is known neither here nor as harmless is kept by its line, and no witness is made of its deck.
+A fix that is neither known here nor harmless is kept as its line, and no witness of its deck is made.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from math import cos, radians, sin
 from typing import Any
@@ -11,30 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.foreign.between import acts, changes_of, place_of, unread_commands, unsure
 from granular_lmp.foreign.interpreter import Command
-from granular_lmp.foreign.laws import Law, granular, is_number, unread
-from granular_lmp.foreign.reading import Reading, Recorded
+from granular_lmp.foreign.laws import PLANES, Law, is_number, law_of_wall
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import Recorded
 from granular_lmp.frozen import dataclass
 from granular_lmp.units import Units
 
 Vector = tuple[float, float, float]
 
-# Beginnings of the styles of fixes that push no sphere; the times of dt/reset must be in the dump
-_HARMLESS = (
-    *("enforce2d", "property/atom", "store", "print", "ave", "halt", "balance", "vector", "neigh/history"),
-    "dt/reset",
-)
-# Commands between two runs of one dump that change what its spheres do next
-_CHANGING = (
-    *("velocity", "set", "displace_atoms", "delete_atoms", "create_atoms", "change_box", "pair_style", "pair_coeff"),
-    *("timestep", "minimize"),
-)
 # Spacings of lattices along x, y and z over their scale, without options
 _SPACINGS = dict.fromkeys(("none", "sq", "sq2", "sc", "bcc", "fcc", "diamond"), (1.0, 1.0, 1.0)) | {
     "hex": (1.0, 3**0.5, 1.0),
     "hcp": (1.0, 3**0.5, (8 / 3) ** 0.5),
 }
-_FLAT = 1e-9  # of the radius: places of spheres in one plane differ by less
+_INTEGRATORS = ("nve", "nve/sphere", "nve/noforce", "move")
+_FLAT = 1e-9  # of the radius; places of spheres in one plane differ by less
 
 
 @dataclass(frozen=True)
@@ -49,7 +42,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Motion:
-    """Spheres that a fix moves by ``velocity * t + amplitude * sin(2π t/period)``, from a step on."""
+    """Spheres that a fix moves by ``velocity * t + amplitude * sin(2π t/period)``, where t is 0 at a step `begin`."""
 
     spheres: tuple[int, ...]
     velocity: Vector
@@ -64,17 +57,19 @@ class Outside:
 
     Attributes
     ----------
-    begin : step of the beginning of the run that writes the dump; None if it is not known.
-    history : whether contacts may hold slip then: earlier runs, or a restart file.
-    forgotten : step at which the deck takes up an earlier run from a data file, which holds no slip; None if none.
-    unturned : whether it is known that no sphere turns at the step `begin`.
-    held : spheres that no force moves: they rest, or keep their velocity.
-    frozen : those of ``fix freeze`` among them, which LAMMPS takes for infinitely heavy in dashpots.
+    begin : first step of the run that writes the dump; None if it is not known.
+    history : whether contacts may hold slip then, from earlier runs or a restart file.
+    forgotten : step at which the deck continues an earlier run from a data file, which holds no slip; None if it does
+        not.
+    unturned : whether it is certain that no sphere turns at the step `begin`.
+    held : spheres that no force moves; they rest or keep their velocity.
+    frozen : held spheres of ``fix freeze``, whose mass LAMMPS takes as infinite in dashpots.
     pushes : constant forces.
     walls, motions : planes at rest, and moved spheres.
     rotation : whether forces turn the free spheres.
-    discs : whether these have the moment of inertia of a disc.
-    others : lines of the deck that act, and that no witness knows.
+    discs : whether the free spheres have the moment of inertia of a disc.
+    others : lines of the deck that act on the spheres and that no witness knows.
+    unfollowed : sentences on lines and spheres of the deck that no witness can follow, with the reason.
     """
 
     begin: int | None = None
@@ -89,9 +84,10 @@ class Outside:
     rotation: bool = True
     discs: bool = False
     others: tuple[str, ...] = ()
+    unfollowed: tuple[str, ...] = ()
 
     def in_si(self, units: Units) -> dict[str, Any]:
-        """Return what ``run.json`` says of `Outside`, in SI units (of units lj in these)."""
+        """Return the entry of `Outside` in ``run.json``, in SI units (units lj stay)."""
         return {
             "begin": self.begin,
             "history": self.history,
@@ -120,15 +116,16 @@ class Outside:
             "rotation": self.rotation,
             "discs": self.discs,
             "others": [*self.others],
+            "unfollowed": [*self.unfollowed],
         }
 
 
-def outside_of(reading: Reading) -> Outside:
-    """Return what acts on the spheres of a deck while it writes its first dump."""
-    recorded, spheres = reading.recorded, reading.spheres
-    if recorded is None or spheres is None:
+def outside_of(reading: Reading, dumps: Sequence[Command] | None = None) -> Outside:
+    """Return the actions on the spheres of a deck while it writes some dumps (default: those of `Reading.recorded`)."""
+    recorded = reading.recorded if dumps is None else recorded_by(reading, dumps)
+    if recorded is None:
         return Outside()
-    found = _Found(reading, recorded)
+    spheres, found = recorded.spheres, _Found(reading, recorded)
     for fix in recorded.stage.fixes:
         found.take(fix)
     free = found.moves & ~found.held
@@ -139,6 +136,8 @@ def outside_of(reading: Reading) -> Outside:
         found.others += map(str, turning)
     if (found.held & ~found.frozen & found.moves & found.turns).any() and found.sheared:
         found.others += [str(fix) for fix in recorded.stage.fixes if _stops(fix)]
+    excluded = unread_commands(reading, recorded, ~free & ~found.moved)
+    changed = map(str, changes_of(reading, recorded, recorded.dumps if dumps is None else dumps))
     return Outside(
         begin=recorded.begin,
         history=recorded.history,
@@ -153,27 +152,38 @@ def outside_of(reading: Reading) -> Outside:
         motions=tuple(found.motions),
         rotation=bool(some) or not free.any(),
         discs=bool(discs),
-        others=tuple(dict.fromkeys((*found.others, *_later(reading, recorded)))),
+        others=tuple(dict.fromkeys((*found.others, *excluded, *changed))),
+        unfollowed=(*found.unfollowed(), *unsure(reading, recorded)),
     )
 
 
+def recorded_by(reading: Reading, dumps: Sequence[Command]) -> Recorded | None:
+    """Return the first long run in which one of these dumps is on; else `Reading.recorded`."""
+    chosen = {id(each) for each in dumps}
+    return next((each for each in reading.records if chosen & {*map(id, each.dumps)}), reading.recorded)
+
+
 class _Found:
-    """Actions of the fixes of a run, collected one after the other; arrays have a value for each sphere read."""
+    """Actions of the fixes of a run, collected fix by fix; arrays have a value for each sphere of the deck."""
 
     def __init__(self, reading: Reading, recorded: Recorded) -> None:
-        assert reading.spheres is not None
-        self.reading, self.recorded, self.spheres = reading, recorded, reading.spheres
+        self.reading, self.recorded, self.spheres = reading, recorded, recorded.spheres
         count = len(self.spheres.id)
         self.moves, self.turns, self.discs, self.held, self.frozen, self.moved = np.zeros((6, count), dtype=bool)
         self.pushes = np.zeros((count, 3))
+        self.integrators = np.zeros(count, dtype=int)
+        self.stopped = np.zeros((count, 3), dtype=bool)  # axes along which an earlier fix sets forces to 0
+        self.late: list[tuple[Command, NDArray[np.bool_]]] = []  # fixes that push after it, and spheres (N,)
         self.walls: list[Wall] = []
         self.motions: list[Motion] = []
         self.others: list[str] = []
+        self.unknown: list[str] = []
 
     def take(self, fix: Command) -> None:
-        """Add what a fix does."""
+        """Add the action of a fix."""
         style, words = fix.words[3], fix.words[4:]
         members = np.isin(self.spheres.id, self.recorded.members[fix])
+        self.integrators += members & (style in _INTEGRATORS)
         if style in ("nve", "nve/sphere"):
             self.moves |= members
             self.turns |= members & (style == "nve/sphere")
@@ -181,21 +191,45 @@ class _Found:
         elif style in ("freeze", "nve/noforce"):
             self.held |= members
             self.frozen |= members & (style == "freeze")
+            self.stopped[members & (style == "freeze")] = True
         elif style == "setforce" and _zeros(words) is not None:
             self._stop(fix, members)
         elif style == "move" and self._moves(fix, members):
             self.moved |= members
         elif style in ("addforce", "gravity") and (force := self._force(style, words)) is not None:
             self.pushes[members] += force[members]
+            self.late.append((fix, members & (self.stopped & (force != 0)).any(axis=1)))
         elif style == "wall/gran" and (walls := self._walls(fix, members)):
             self.walls += walls
-        elif not style.startswith(_HARMLESS):
+            self.late += [(fix, self.stopped.any(axis=1) & self._touches(wall)) for wall in walls]
+        elif acts(fix):
             self.others.append(str(fix))
 
+    def unfollowed(self) -> Iterator[str]:
+        """Yield sentences on fixes that undo one another, and on spheres with a velocity that no fix moves."""
+        ids, fixes = self.spheres.id, self.recorded.stage.fixes
+        yield from self.unknown
+        for fix, spheres in self.late:
+            if (pushed := spheres & self.moves).any():
+                yield f"{fix.place}: '{fix}' pushes sphere {ids[pushed][0]}, whose forces an earlier fix sets to 0"
+        for sphere in ids[self.integrators > 1][:1]:
+            moving = [fix for fix in fixes if fix.words[3] in _INTEGRATORS and sphere in self.recorded.members[fix]]
+            yield f"{moving[-1].place}: '{moving[-1]}' moves sphere {sphere}, which '{moving[0]}' moves too"
+        speeds = self.spheres.velocity.any(axis=1) | self.spheres.spin.any(axis=1)
+        for sphere in ids[speeds & (self.integrators == 0)][: 0 if self.others else 1]:
+            yield f"sphere {sphere} has a velocity or a spin, and no fix moves it; its contacts slip all the same"
+
+    def _touches(self, wall: Wall) -> NDArray[np.bool_]:
+        """Return which spheres touch a plane at the beginning."""
+        away = wall.side * (wall.place - self.spheres.position[:, wall.axis])
+        return np.asarray(away < self.spheres.radius)
+
     def _stop(self, fix: Command, members: NDArray[np.bool_]) -> None:
-        """Add ``setforce``: of no force at all, or of none along axes across which the crystal is symmetric."""
+        """Add a ``setforce`` that sets forces to 0: all of them, or those along axes along which no sphere moves."""
         stopped = _zeros(fix.words[4:])
         assert stopped is not None
+        self.stopped[members] |= stopped
+        self.pushes[members] *= ~stopped
         if stopped.all():
             self.held |= members
         elif not self._flat[stopped].all():
@@ -203,30 +237,31 @@ class _Found:
 
     @property
     def _flat(self) -> NDArray[np.bool_]:
-        """Axes along which no sphere moves, as all have one place there."""
+        """Axes along which no sphere moves, as all spheres have the same place there."""
         places, speeds = self.spheres.position, self.spheres.velocity
         return np.asarray((np.ptp(places, axis=0) < _FLAT * self.spheres.radius.max()) & ~speeds.any(axis=0))
 
     @property
     def sheared(self) -> bool:
-        """Whether contacts may turn spheres, which those of a line that moves along itself do not."""
-        laws, flat = [*self.reading.laws.values(), *(wall.law for wall in self.walls)], self._flat
+        """Whether contacts may turn spheres; in a line that moves along itself they do not."""
+        laws, flat = [*self.recorded.laws.values(), *(wall.law for wall in self.walls)], self._flat
         pushed = self.walls or self.pushes[:, flat].any() or self.spheres.spin.any()
         return any(law.friction for law in laws) and bool(flat.sum() < 2 or pushed)
 
     def _moves(self, fix: Command, members: NDArray[np.bool_]) -> bool:
-        """Add a straight motion, or one to and fro, whose time counts from the making of the fix.
+        """Add a straight or oscillating motion, whose time LAMMPS counts from the command of the fix.
 
-        Return whether it is known.
+        Return whether the motion is known.
         """
         kind, words, begin = fix.words[4], fix.words[5:], self.recorded.begin
         in_box = words[-2:] == ("units", "box")
         spacing = (1.0, 1.0, 1.0) if in_box else _spacing(self.reading, fix)
         numbers = _numbers(words[:-2] if in_box or words[-2:] == ("units", "lattice") else words)
-        if numbers is None or len(numbers) != {"linear": 3, "wiggle": 4}.get(kind) or begin is None:
+        if numbers is None or len(numbers) != {"linear": 3, "wiggle": 4}.get(kind) or spacing is None:
             return False
-        if spacing is None or self._ran_since(fix):
-            return False
+        if begin is None or self._ran_since(fix):
+            self.unknown.append(f"{fix.place}: '{fix}' began at a step that is not known here")
+            return True
         way, none = (numbers[0] * spacing[0], numbers[1] * spacing[1], numbers[2] * spacing[2]), (0.0, 0.0, 0.0)
         spheres = tuple(np.sort(self.spheres.id[members]).tolist())
         parts = (way, none, 1.0) if kind == "linear" else (none, way, numbers[3])
@@ -236,7 +271,7 @@ class _Found:
     def _ran_since(self, fix: Command) -> bool:
         """Return whether steps were taken between a fix and the run that writes the dump."""
         runs = [stage.command for stage in self.reading.stages if stage.steps != 0]
-        for command in self.reading.commands[_place(self.reading, fix) :]:
+        for command in self.reading.commands[place_of(self.reading, fix) :]:
             if command is self.recorded.stage.command:
                 break
             if any(command is run for run in runs):
@@ -244,7 +279,7 @@ class _Found:
         return False
 
     def _force(self, style: str, words: tuple[str, ...]) -> NDArray[np.float64] | None:
-        """Return constant forces on all spheres, (N, 3), or None if they are not known."""
+        """Return constant forces on all spheres, (N, 3); None if they are not constant."""
         if style == "addforce":
             numbers = _numbers(words)
             return None if numbers is None or len(numbers) != 3 else np.tile(numbers, (len(self.spheres.id), 1))
@@ -262,32 +297,26 @@ class _Found:
         return np.outer(self.spheres.mass, size[0] * way / np.linalg.norm(way))
 
     def _walls(self, fix: Command, members: NDArray[np.bool_]) -> list[Wall]:
-        """Return the planes of ``fix wall/gran granular`` with all spheres; none if it is another wall."""
-        words = fix.words
-        place = next((n for n, word in enumerate(words) if word in ("xplane", "yplane", "zplane")), len(words))
-        ends, said = words[place + 1 : place + 3], words[5:place]
-        law = granular(fix, said) if words[4] == "granular" and not unread(said) else None
-        if law is None or len(ends) < 2 or {*words[place + 3 :]} - {"contacts"} or not members.all():
+        """Return the planes of a ``fix wall/gran granular`` for all spheres; [] if it is another wall."""
+        law, surface = law_of_wall(fix)
+        plane, *ends = surface[:3] or ("",)
+        known = law is not None and not law.unread and plane in PLANES and not {*surface[3:]} - {"contacts"}
+        if law is None or not known or len(ends) < 2 or not members.all():
             return []
         return [
-            Wall("xyz".index(words[place][0]), side, float(end), law)
+            Wall(PLANES.index(plane), side, float(end), law)
             for side, end in zip((-1, 1), ends, strict=True)
             if end != "NULL"
         ]
 
 
-def _place(reading: Reading, command: Command) -> int:
-    """Return the place of a command in the order of execution; in a loop a line comes several times."""
-    return next(n for n, each in enumerate(reading.commands) if each is command)
-
-
 def _spacing(reading: Reading, fix: Command) -> Vector | None:
-    """Return the distances of the lattice along x, y and z where a fix is made; None if they are not known.
+    """Return the spacings of the lattice along x, y and z at the command of a fix; None if they are not known.
 
     Without ``lattice`` they are 1. In units lj its number is a density, and its options may turn or stretch the cell.
     """
     found: Vector | None = (1.0, 1.0, 1.0)
-    for command in reading.commands[: _place(reading, fix)]:
+    for command in reading.commands[: place_of(reading, fix)]:
         if command.name == "clear":
             found = (1.0, 1.0, 1.0)
         elif command.name == "lattice":
@@ -301,12 +330,12 @@ def _spacing(reading: Reading, fix: Command) -> Vector | None:
 
 
 def _numbers(words: tuple[str, ...]) -> list[float] | None:
-    """Return words as numbers; None if one is no number, as a variable."""
+    """Return words as numbers; None if one is not a number, such as a variable."""
     return [float(word) for word in words] if all(map(is_number, words)) else None
 
 
 def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:
-    """Return the axes along which ``setforce`` leaves no force; None if it does something else."""
+    """Return the axes along which ``setforce`` sets forces to 0; None if it sets other forces."""
     numbers = _numbers(tuple("nan" if word == "NULL" else word for word in words))
     if numbers is None or len(numbers) != 3 or np.any(np.nan_to_num(numbers)):
         return None
@@ -314,30 +343,10 @@ def _zeros(words: tuple[str, ...]) -> NDArray[np.bool_] | None:
 
 
 def _stops(fix: Command) -> bool:
-    """Return whether a fix takes the forces of its spheres, but not their torques."""
+    """Return whether a fix sets all forces on its spheres to 0, but not their torques."""
     return fix.words[3] == "setforce" and (stopped := _zeros(fix.words[4:])) is not None and bool(stopped.all())
 
 
-def _later(reading: Reading, recorded: Recorded) -> Iterator[str]:
-    """Yield commands in and between the runs that write the dump, after which spheres no longer do what they did."""
-    commands = reading.commands
-    runs = [n for n, each in enumerate(commands) if any(each is stage.command for stage in reading.stages)]
-    for command in commands[_place(reading, recorded.stage.command) : runs[-1] + 1]:
-        if command.name in ("undump", "clear"):
-            return
-        if command.name == "run" and "every" in command.words:  # commands after each part of the run
-            if {*command.words[command.words.index("every") + 2 :]} - {"NULL"}:
-                yield str(command)
-            continue
-        if command is commands[runs[-1]]:
-            return
-        fixes = [each for each in commands if each.name == "fix" and each.words[1:2] == command.words[1:2]]
-        fix = fixes[-1] if command.name == "unfix" else command
-        acts = fix.name == "fix" and not fix.words[3].startswith(_HARMLESS)
-        if command.name in _CHANGING or acts:
-            yield str(command)
-
-
 def _forgotten(reading: Reading, recorded: Recorded) -> int | None:
-    """Return the step at which the deck takes up an earlier run from a data file."""
+    """Return the step at which the deck continues an earlier run from a data file; None if it does not."""
     return recorded.begin if reading.data_steps and not recorded.history else None

@@ -1,7 +1,7 @@
-"""A deck of any origin as LAMMPS knows it before its first long run: spheres, contacts, laws, time step, integrators.
+"""Read a deck of any origin as LAMMPS has it before its first long run: spheres, contacts, laws, step, integrators.
 
-`read` executes the deck in this process and in a temporary folder: nothing is written beside the deck. A deck can
-bring down the process, so that commands read it by `granular_lmp.foreign.apart`.
+`read` executes the deck in this process and in a temporary folder, and writes nothing into the folder of the deck. As a
+deck can crash the process, the programs use `granular_lmp.foreign.apart`.
 """
 
 import re
@@ -15,8 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import DeckError
-from granular_lmp.foreign.interpreter import Command, Interpreter
+from granular_lmp.foreign.interpreter import FEWEST, Command, Interpreter
 from granular_lmp.foreign.laws import Law, laws_of
+from granular_lmp.foreign.stages import (
+    Pairs,
+    Recorded,
+    Spheres,
+    Stage,
+    excluding,
+    of_spheres,
+    start_of,
+)
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.installation import lammps_module
 
@@ -25,122 +34,27 @@ Integers = NDArray[np.int64]
 
 _PAIRS = "compute granular_lmp_{} all {} cutoff type"
 _WRITTEN = re.compile(r"write_data.*timestep = ([1-9]\d*)")
-_OF_A_DUMP = 6  # words
-DUMPS = ("custom", "custom/gz", "custom/mpiio", "atom", "atom/gz")  # styles of dumps of spheres
 _LOCAL, _ARRAY, _ATOM = 2, 2, 1  # LMP_STYLE_LOCAL, LMP_TYPE_ARRAY, LMP_VAR_ATOM
-
-
-@dataclass(frozen=True)
-class Stage:
-    """A run or a minimization.
-
-    Attributes
-    ----------
-    command : where it stands.
-    steps : number of steps; None of a minimization.
-    timestep : in units of the deck.
-    fixes : those at work.
-    exact : whether the spheres are where they would be: no run of several steps came before.
-    """
-
-    command: Command
-    steps: int | None
-    timestep: float
-    fixes: tuple[Command, ...]
-    exact: bool
-
-    @property
-    def resets(self) -> list[Command]:
-        """Fixes that change the time step."""
-        return [fix for fix in self.fixes if fix.words[3].startswith("dt/reset")]
-
-
-@dataclass(frozen=True, eq=False)
-class Spheres:
-    """The spheres at the beginning of the first long run, in units of the deck.
-
-    Attributes
-    ----------
-    id, type : (N,) arrays.
-    radius, mass : (N,) arrays.
-    position, velocity, spin, force, torque : (N, 3) arrays; forces and torques hold those of all fixes too.
-    moves : (N,) array; whether an integrator moves the sphere.
-    turns : (N,) array; whether it turns the sphere.
-    """
-
-    id: Integers
-    type: Integers
-    radius: Floats
-    mass: Floats
-    position: Floats
-    velocity: Floats
-    spin: Floats
-    force: Floats
-    torque: Floats
-    moves: NDArray[np.bool_]
-    turns: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """Neighbours within the reach of their law, each pair once: P pairs.
-
-    Attributes
-    ----------
-    i, j : (P,) arrays; indices of `Spheres`.
-    vector : (P, 3) array; from the centre of j to that of i.
-    overlap : (P,) array; below 0 across a gap.
-    force : (P, 3) array; on i.
-    """
-
-    i: Integers
-    j: Integers
-    vector: Floats
-    overlap: Floats
-    force: Floats
-
-    def of(self, which: Any) -> "Pairs":
-        """Return some of the pairs."""
-        return Pairs(self.i[which], self.j[which], self.vector[which], self.overlap[which], self.force[which])
-
-
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """The first run that writes a dump of spheres; the first long run if none does.
-
-    Attributes
-    ----------
-    stage : the run.
-    dumped : whether it writes a dump.
-    begin : number of its first step; None after a minimization, whose steps are not known.
-    history : whether steps were taken before, or a restart file was read, so that contacts may hold slip.
-    unturned : whether it is known that no sphere turns at its beginning.
-    members : numbers (``id``) of the spheres of each fix.
-    """
-
-    stage: Stage
-    dumped: bool
-    begin: int | None
-    history: bool
-    unturned: bool
-    members: Mapping[Command, Integers]
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A deck as LAMMPS knows it.
+    """A deck as LAMMPS has it.
 
     Attributes
     ----------
     deck : path of the deck.
-    commands : in the order of their execution, with resolved words.
+    commands : commands in the order of their execution, with resolved words.
     stages : runs and minimizations.
-    stopped : why LAMMPS did not read on; "" if it came to the end.
+    stopped : why reading stopped; "" if it came to the end.
     data_heads : first line of each data file, by the command that reads it.
-    units, dimension, periodic, low, high, tilt : units, dimensions, and the box; its tilt is xy, yz, xz.
-    laws : law of each pair of types, the lower one first; empty where it is not known.
-    spheres, pairs : at the beginning of the first long run; None if the deck did not come so far, or has none then.
-    recorded : the run that writes the first dump; None if there is no long one.
+    units, dimension, periodic, low, high, tilt : units, dimensions and box; the tilt is xy, yz, xz.
+    laws : law of each pair of types, the lower type first; empty if it is not known.
+    spheres, pairs : spheres and neighbours; None if reading stopped earlier, or there are no spheres then.
+    records : a record of each long run in which other dumps of spheres are on than in the record before.
+
+    Units, box, laws, spheres and pairs are those at the beginning of the first long run; without one, those of the last
+    run. In a deck without runs, units, box and laws are those at its end.
     """
 
     deck: str
@@ -157,7 +71,7 @@ class Reading:
     laws: Mapping[tuple[int, int], Law]
     spheres: Spheres | None
     pairs: Pairs | None
-    recorded: Recorded | None
+    records: tuple[Recorded, ...]
 
     def named(self, *names: str) -> list[Command]:
         """Return the commands with one of these names."""
@@ -165,25 +79,31 @@ class Reading:
 
     @property
     def dumps(self) -> list[Command]:
-        """Return the commands of dumps that are whole; LAMMPS does not execute them here, and refuses no other."""
-        return [command for command in self.named("dump") if len(command.words) >= _OF_A_DUMP]
+        """Return the complete commands of dumps; LAMMPS does not execute them here, and refuses no incomplete one."""
+        return [command for command in self.named("dump") if len(command.words) >= FEWEST["dump"]]
 
     @property
     def data_steps(self) -> dict[Command, int]:
-        """Return the commands that read a data file of an earlier run, and the step at which it was written."""
+        """Return the commands that read the data file of an earlier run, each with the step at which it was written."""
         found = {command: _WRITTEN.search(head) for command, head in self.data_heads.items()}
         return {command: int(match[1]) for command, match in found.items() if match}
 
     @property
     def is_granular(self) -> bool:
-        """Return whether the forces are those of a granular pair style, or of a restart file."""
-        styles = self.named("pair_style")
+        """Return whether the pair style of the first long run is granular, or may come from a restart file."""
+        before = self.commands[: None if self.start is None else self.start.number]
+        styles = [each for each in before if each.name == "pair_style"]
         return not styles or any(word.startswith("gran") for word in styles[-1].words[1:])
+
+    @property
+    def recorded(self) -> Recorded | None:
+        """Return the first run that writes a dump of spheres; the first long run if none does, None without any."""
+        return next((each for each in self.records if each.dumps), self.records[0] if self.records else None)
 
     @cached_property
     def fastest(self) -> Stage | None:
         """The run of several steps with the longest time step; else `start`."""
-        long = [stage for stage in self.stages if stage.steps is not None and stage.steps > 1]
+        long = [stage for stage in self.stages if stage.long]
         return max(long, key=lambda stage: stage.timestep, default=self.start)
 
     @cached_property
@@ -203,23 +123,17 @@ class Reading:
         return [(law, which) for law, which in found.items() if which.any()]
 
 
-def start_of(stages: Sequence[Stage]) -> Stage | None:
-    """Return the first run of several steps; else the last of all, or None."""
-    long = (stage for stage in stages if stage.steps is not None and stage.steps > 1)
-    return next(long, stages[-1] if stages else None)
-
-
 def read(
     deck: str | Path, variables: Mapping[str, str] | None = None, tell: Callable[[Command], object] | None = None
 ) -> Reading:
-    """Return what LAMMPS says of a deck, up to the forces at the beginning of each of its runs.
+    """Return a deck as LAMMPS has it, up to the forces at the beginning of each of its runs.
 
     Parameters
     ----------
     deck : str or Path
-        The deck, as ``lmp -in`` takes it.
+        The deck, as for ``lmp -in``.
     variables : mapping of str to str, optional
-        Values of its index variables, as ``lmp -var`` takes them.
+        Values of its index variables, as for ``lmp -var``.
     tell : callable, optional
         Called with each command before LAMMPS executes it.
 
@@ -232,7 +146,7 @@ def read(
     """
     path = Path(deck).absolute()
     if not path.is_file():
-        raise DeckError(f"{deck}: no such deck; give input file, as for 'lmp -in'")
+        raise DeckError(f"{deck}: no such deck; give the input file, as for 'lmp -in'")
     given = [word for name, value in (variables or {}).items() for word in ("-var", name, *value.split())]
     with tempfile.TemporaryDirectory(prefix="granular-lmp-") as folder, chdir(folder):
         lmp = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite", *given])
@@ -244,8 +158,9 @@ def read(
 
 def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Reading:
     stages: list[Stage] = []
-    found: dict[str, Any] = {"spheres": None, "pairs": None, "recorded": None}
-    deck = Interpreter(lmp, path, lambda command, steps: _run(deck, command, steps, stages, found), tell)
+    found: dict[str, Any] = {"spheres": None, "pairs": None}
+    records: list[Recorded] = []
+    deck = Interpreter(lmp, path, lambda command, steps: _run(deck, command, steps, stages, found, records), tell)
     stopped = ""
     try:
         deck.read()
@@ -253,7 +168,8 @@ def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Rea
         stopped = str(error)
         if not deck.commands:
             raise
-    box = lmp.extract_box() if lmp.extract_setting("box_exist") else ((0.0,) * 3, (0.0,) * 3, 0, 0, 0, (0,) * 3, 0)
+    if "units" not in found:
+        found |= _system(lmp, deck.commands[: -1 if stopped else None])
     return Reading(
         deck=str(path),
         commands=tuple(deck.commands),
@@ -262,15 +178,23 @@ def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Rea
         data_heads={
             command: _head(path.parent / command.words[1]) for command in deck.commands if _reads_data(command)
         },
-        units=str(lmp.extract_global("units")),
-        dimension=int(lmp.extract_setting("dimension")),
-        periodic=(bool(box[5][0]), bool(box[5][1]), bool(box[5][2])),
-        low=tuple(box[0]),
-        high=tuple(box[1]),
-        tilt=(float(box[2]), float(box[3]), float(box[4])),
-        laws=laws_of(deck.commands[: -1 if stopped else None], int(lmp.extract_setting("ntypes"))),
+        records=tuple(records),
         **found,
     )
+
+
+def _system(lmp: Any, commands: Sequence[Command]) -> dict[str, Any]:
+    """Return the present units, box and laws."""
+    box = lmp.extract_box() if lmp.extract_setting("box_exist") else ((0.0,) * 3, (0.0,) * 3, 0, 0, 0, (0,) * 3, 0)
+    return {
+        "units": str(lmp.extract_global("units")),
+        "dimension": int(lmp.extract_setting("dimension")),
+        "periodic": (bool(box[5][0]), bool(box[5][1]), bool(box[5][2])),
+        "low": tuple(box[0]),
+        "high": tuple(box[1]),
+        "tilt": (float(box[2]), float(box[3]), float(box[4])),
+        "laws": laws_of(commands, int(lmp.extract_setting("ntypes"))),
+    }
 
 
 def _reads_data(command: Command) -> bool:
@@ -285,36 +209,38 @@ def _head(path: Path) -> str:
         return ""
 
 
-def _run(deck: Interpreter, command: Command, steps: int | None, stages: list[Stage], found: dict[str, Any]) -> None:
-    """Note a stage, and let LAMMPS do a run of one step, or the forces of the first step of a longer one."""
+def _run(
+    deck: Interpreter,
+    command: Command,
+    steps: int | None,
+    stages: list[Stage],
+    found: dict[str, Any],
+    records: list[Recorded],
+) -> None:
+    """Note a stage. LAMMPS executes a run of one step, and computes the forces of the first step of a longer one."""
     lmp = deck.lmp
-    fixes: dict[str, Command] = {}
-    for each in deck.commands:
-        if each.name == "fix":
-            fixes[each.words[1]] = each
-        elif each.name == "unfix":
-            fixes.pop(each.words[1], None)
-        elif each.name == "clear":
-            fixes.clear()
+    fixes, dumps = (tuple(deck.on[kind].values()) for kind in ("fix", "dump"))
     begin = _begin(deck, stages)
     if steps is not None and "upto" in command.words[2:]:
         steps = max(0, steps - (begin or 0))
-    exact = all(stage.steps is not None and stage.steps <= 1 for stage in stages)
-    stages.append(Stage(command, steps, float(lmp.extract_global("dt")), tuple(fixes.values()), exact))
+    exact = all(stage.steps is not None and not stage.long for stage in _since_clear(deck, stages))
+    number = len(deck.commands) - 1
+    stages.append(Stage(command, number, steps, float(lmp.extract_global("dt")), fixes, dumps, exact))
     if lmp.extract_setting("box_exist") and lmp.get_natoms():
-        _record(deck, stages, begin, found)
+        _record(deck, stages, begin, records)
     short = steps is not None and steps <= 1
     if start_of(stages) is not stages[-1]:
         lmp.command(f"run {steps if short else 0} post no")
         return
-    local = ("property/local patom1 patom2", "pair/local dist dx dy dz fx fy fz")
+    local = ("property/local patom1 patom2", "pair/local dist dx dy dz fx fy fz") if _has_pairs(deck.noted) else ()
     names = [f"granular_lmp_{n}" for n in range(len(local))]
     for n, words in enumerate(local):
         lmp.command(_PAIRS.format(n, words))
     lmp.command("run 0 post no")
+    found |= _system(lmp, deck.noted)
     if lmp.get_natoms():
-        found["spheres"] = spheres = _spheres(lmp, tuple(fixes.values()))
-        ends, between = (np.array(_local(lmp, name)) for name in names)
+        found["spheres"] = spheres = _spheres(lmp, fixes)
+        ends, between = [np.array(_local(lmp, name)) for name in names] or [np.zeros((0, 2)), np.zeros((0, 7))]
         found["pairs"] = _pairs(spheres, ends, between)
     for name in names:
         lmp.command(f"uncompute {name}")
@@ -322,36 +248,55 @@ def _run(deck: Interpreter, command: Command, steps: int | None, stages: list[St
         lmp.command(f"run {steps} post no")
 
 
+def _since_clear(deck: Interpreter, stages: Sequence[Stage]) -> list[Stage]:
+    """Return the stages of the present system, behind the last ``clear``."""
+    return [stage for stage in stages if stage.number >= deck.cleared]
+
+
+def _has_pairs(commands: Sequence[Command]) -> bool:
+    """Return whether there is a pair style; LAMMPS refuses to compute pairs without one."""
+    given = [each for each in commands if each.name in ("pair_style", "read_restart", "clear")]
+    return bool(given) and given[-1].name != "clear" and given[-1].words[1:2] != ("none",)
+
+
 def _begin(deck: Interpreter, stages: list[Stage]) -> int | None:
-    """Return the step at which a run begins, with those of earlier runs that were not taken here."""
+    """Return the step at which a run begins, including the steps of earlier runs that were not executed here.
+
+    The step is None after a minimization, and after a run that ``fix halt`` may have ended.
+    """
     step = int(deck.lmp.extract_global("ntimestep"))
-    runs = {id(stage.command): stage for stage in stages}
-    for command in reversed(deck.commands):
-        if command.name in ("reset_timestep", "clear"):
-            break
-        stage = runs.get(id(command))
-        if stage is not None and stage.steps is None:
+    for stage in stages:
+        if stage.number < deck.reset:
+            continue
+        if stage.steps is None or (stage.long and any(fix.words[3] == "halt" for fix in stage.fixes)):
             return None
-        step += stage.steps if stage is not None and stage.steps and stage.steps > 1 else 0
+        step += stage.steps if stage.long else 0
     return step
 
 
-def _record(deck: Interpreter, stages: list[Stage], begin: int | None, found: dict[str, Any]) -> None:
-    """Note what acts in the first long run that writes a dump of spheres, or in the first long one before that."""
-    stage, known = stages[-1], found["recorded"]
-    dumped = any(each.name == "dump" and each.words[3:4] and each.words[3] in DUMPS for each in deck.commands)
-    if (stage.steps or 0) <= 1 or (known is not None and (known.dumped or not dumped)):
+def _record(deck: Interpreter, stages: list[Stage], begin: int | None, records: list[Recorded]) -> None:
+    """Add the record of a long run if other dumps of spheres are on than in the record before."""
+    stage = stages[-1]
+    dumps = of_spheres(stage.dumps)
+    if not stage.long or (records and (not dumps or [*map(id, dumps)] == [*map(id, records[-1].dumps)])):
         return
-    lmp, count = deck.lmp, int(deck.lmp.extract_setting("nlocal"))
-    numbers, spins = np.array(lmp.numpy.extract_atom("id"))[:count].astype(np.int64), lmp.numpy.extract_atom("omega")
-    before = [stage for stage in stages[:-1] if stage.steps != 0]
-    found["recorded"] = Recorded(
-        stage,
-        dumped,
-        begin,
-        history=bool(before) or any(each.name == "read_restart" for each in deck.commands),
-        unturned=stage.exact and (spins is None or not np.any(spins[:count])),
-        members={fix: numbers[_members(lmp, fix.words[2])] for fix in stage.fixes},
+    lmp, spheres = deck.lmp, _spheres(deck.lmp, stage.fixes)
+    members = {fix: spheres.id[_members(lmp, fix.words[2])] for fix in stage.fixes}
+    for each in excluding(deck.noted):
+        style, *groups = each.words[each.words.index("exclude") + 1 :]
+        both = [_members(lmp, group) for group in groups[:2]] if style == "group" else [spheres.id > 0]
+        members[each] = spheres.id[np.any(both, axis=0)]
+    records.append(
+        Recorded(
+            stage,
+            begin,
+            history=any(each.steps != 0 for each in _since_clear(deck, stages[:-1]))
+            or any(each.name == "read_restart" for each in deck.noted),
+            unturned=stage.exact and not np.any(spheres.spin),
+            spheres=spheres,
+            laws=laws_of(deck.noted, int(lmp.extract_setting("ntypes"))),
+            members=members,
+        )
     )
 
 

@@ -1,8 +1,8 @@
-"""The scene that describes the crystal of a foreign deck: its lattice, spheres, contact law, faces and beginning.
+"""Find the scene that describes the crystal of a foreign deck: its lattice, spheres, contact law, faces and beginning.
 
-Whatever a scene cannot say is refused by name. What is found is not trusted: LAMMPS reads the deck that the package
-builds of the scene, and `granular_lmp.foreign.likeness` compares it with the foreign one, sphere by sphere and contact
-by contact.
+A property that a scene cannot have is refused by name. Each scene is tested: LAMMPS reads the deck that the package
+builds from it, and `granular_lmp.foreign.likeness` compares this deck with the foreign one, sphere by sphere and
+contact by contact.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,42 +18,34 @@ from granular_lmp.crystal.lattices import FREE, HELD, PERIODIC, WALL
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.sphere_table import SITE, SphereTable
 from granular_lmp.errors import GranularError, SceneError
-from granular_lmp.foreign.adopt_dump import Known
 from granular_lmp.foreign.begun import Motion, begins
+from granular_lmp.foreign.between import UNDERSTOOD
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.indexing import Indexed, index, neighbours
-from granular_lmp.foreign.laws import MATERIAL, Law, unread
+from granular_lmp.foreign.laws import MATERIAL, Law
 from granular_lmp.foreign.likeness import Likeness, likeness
 from granular_lmp.foreign.outside import Outside
-from granular_lmp.foreign.reading import Reading, Recorded, Spheres, Stage
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import Spheres, Stage
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
 from granular_lmp.units import STYLES, Units
 
 Floats = NDArray[np.float64]
 
-# Commands that say what was read of the deck, or do nothing with the spheres
-_READ = (
-    *("atom_modify", "atom_style", "boundary", "change_box", "comm_modify", "comm_style", "compute", "create_atoms"),
-    *("create_box", "delete_atoms", "dimension", "displace_atoms", "fix", "group", "lattice", "mass", "neigh_modify"),
-    *("neighbor", "newton", "package", "pair_coeff", "pair_style", "processors", "read_data", "region", "replicate"),
-    *("reset_atoms", "reset_timestep", "run", "set", "suffix", "timestep", "uncompute", "unfix", "units", "variable"),
-    *("velocity", "clear", "include", "jump", "label", "next", "if", "quit", "print", "log", "echo", "info", "restart"),
-    *("timer", "dump", "dump_modify", "undump", "thermo", "thermo_style", "thermo_modify", "balance", "compute_modify"),
-    *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
-)
 _SHEARED = {"mindlin": "secant", "mindlin/force": "incremental", "mindlin_rescale": "rescaled"}
-_TOUCHING = 1e-9  # of a radius: overlaps and gaps below are the rounding of places
-_UNLOADED = 1e-6  # of the pull-off force: less load is the rounding of places
+_TOUCHING = 1e-9  # of a radius; smaller overlaps and gaps are rounding of places
+_UNLOADED = 1e-6  # of the pull-off force; a smaller load is rounding of places
 _LEAST_STRAIN = 1e-7
-_STRAIN = 0.05  # of the static compression: more strain of the whole crystal makes its contacts unlike
-_ALIKE = 1e-9  # relative difference of radii, densities and constants that are the same
-_EVEN = 1e-6  # of the time between records: differences of times that %g prints
-_MOST_WAYS = 4  # in which a crystal lies in its lattice, each tried as a scene
+_STRAIN = 0.05  # of the static compression; a larger strain of the whole crystal makes its contacts unequal
+_ALIKE = 1e-9  # relative difference of equal radii, densities and constants
+_EVEN = 1e-6  # of the time between records; smaller differences are rounding by %g
+_MOST_WAYS = 4  # this many ways to number a crystal in its lattice are tried as scenes
 
 
 @dataclass(frozen=True)
 class Described:
-    """A scene and what is known of its likeness.
+    """A scene that describes a foreign deck.
 
     Attributes
     ----------
@@ -63,7 +55,7 @@ class Described:
     likeness : Likeness
         Differences of the two decks.
     unsaid : tuple of str
-        Keys of the deck that a scene leaves out because they change nothing, each a sentence.
+        Sentences on settings of the deck that the scene leaves out because they change nothing.
     """
 
     scene: Scene
@@ -79,7 +71,7 @@ def scene_of(reading: Reading, known: Known, name: str, times: Floats) -> Descri
     ----------
     reading : Reading
     known : Known
-        Knowledge of the deck beside it.
+        Known quantities of its dumps.
     name : str
         Name of the scene.
     times : (T,) array
@@ -88,9 +80,9 @@ def scene_of(reading: Reading, known: Known, name: str, times: Floats) -> Descri
     Raises
     ------
     SceneError
-        If no scene describes the crystal; the text says why.
+        If no scene describes the crystal; the message gives the reason.
     """
-    spheres, units = _whole(reading, known.outside), STYLES[reading.units]
+    spheres, units = _whole(reading, known), STYLES[reading.units]
     law = _one_law(reading, spheres)
     si = _in_si(spheres, units)
     edges = units.si(np.subtract(reading.high, reading.low), length=1)
@@ -110,7 +102,7 @@ def scene_of(reading: Reading, known: Known, name: str, times: Floats) -> Descri
 def _described(
     reading: Reading, known: Known, spheres: Spheres, law: Law, indexed: Indexed, name: str, times: Floats
 ) -> Described:
-    """Return the scene of spheres in SI units whose places in a lattice are known."""
+    """Return the scene of spheres, in SI units, whose places in a lattice are known."""
     units, unsaid = STYLES[reading.units], list[str]()
     motion = Motion.of(spheres, indexed)
     if indexed.lattice.sheet is False and law.friction:
@@ -143,9 +135,9 @@ def _described(
 
 
 def _clock(reading: Reading, outside: Outside, times: Floats) -> tuple[float, float, float]:
-    """Return the time of a step, the time between records, and that of the last one from the beginning of the run, s.
+    """Return, in s, the step, the time between records, and the time from the start of the run to the last record.
 
-    Of fewer than two records these are the step and the time of the run.
+    With fewer than two records, the last two are the step and the time of the run.
     """
     start = _start_of(reading)
     step = float(STYLES[reading.units].si(start.timestep, time=1))
@@ -163,39 +155,33 @@ def _start_of(reading: Reading) -> Stage:
     return reading.start
 
 
-def _whole(reading: Reading, outside: Outside) -> Spheres:
-    """Return the spheres of a deck; refuse what acts on them beside the contacts and is no key of a scene."""
-    start, spheres, recorded = reading.start, reading.spheres, reading.recorded
+def _whole(reading: Reading, known: Known) -> Spheres:
+    """Return the spheres of a deck; refuse actions on them that no key of a scene describes."""
+    start, spheres, outside = reading.start, reading.spheres, known.outside
+    recorded = next((each for each in reading.records if each.spheres is known.spheres), None)
     if start is None or spheres is None or reading.pairs is None or recorded is None:
         raise SceneError("the deck has no spheres at the beginning of its first long run")
     if not start.exact or outside.history or recorded.stage is not start:
-        raise SceneError("a run or a minimization comes before the one that is recorded, and is not executed here")
+        raise SceneError("a run or a minimization precedes the recorded run, and is not executed here")
     if reading.units not in STYLES or reading.units == "lj":
         raise SceneError(f"units {reading.units}: a scene is in SI units")
     if any(reading.tilt) and any(reading.periodic):
-        raise SceneError("the box is tilted, and that of a scene is not")
+        raise SceneError("the box is tilted; the box of a scene is not")
     for command in reading.commands:
-        if command.name not in _READ or (command.name == "neigh_modify" and "exclude" in command.words):
+        if command.name not in UNDERSTOOD or (command.name == "neigh_modify" and "exclude" in command.words):
             raise SceneError(f"'{command}': no key of a scene says what it does")
-    _refuse_twice(recorded)
+    for sentence in outside.unfollowed:
+        raise SceneError(sentence)
     for said in (*outside.others, *start.resets):
         raise SceneError(f"'{said}': no key of a scene says what it does")
     if outside.motions:
-        raise SceneError(f"a fix moves sphere {outside.motions[0].spheres[0]}; say it by a [[source]]")
+        raise SceneError(f"a fix moves sphere {outside.motions[0].spheres[0]}; describe this by a [[source]]")
     if outside.discs:
         raise SceneError("discs: the spheres of a scene have the moment of inertia of spheres")
     moves = ~np.isin(spheres.id, outside.held)
     if spheres.velocity[~moves].any() or spheres.spin[~moves].any():
         raise SceneError("spheres that no force moves have velocities")
     return replace(spheres, moves=moves, turns=moves & outside.rotation)
-
-
-def _refuse_twice(recorded: Recorded) -> None:
-    """Refuse spheres that two fixes integrate, and which move twice as fast as they should."""
-    members = [ids for fix, ids in recorded.members.items() if fix.words[3] in ("nve", "nve/sphere")]
-    numbers, counts = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *members]), return_counts=True)
-    if counts.max(initial=1) > 1:
-        raise SceneError(f"sphere {numbers[counts > 1][0]}: two fixes integrate its motion")
 
 
 def _in_si(spheres: Spheres, units: Units) -> Spheres:
@@ -212,7 +198,7 @@ def _in_si(spheres: Spheres, units: Units) -> Spheres:
 
 
 def _one_law(reading: Reading, spheres: Spheres) -> Law:
-    """Return the law of all contacts; refuse several, and what of it no scene says."""
+    """Return the law of all contacts; refuse several laws, and parts that no scene describes."""
     present = set(np.unique(spheres.type).tolist())
     laws = {types: law for types, law in reading.laws.items() if {*types} <= present}
     if not laws:
@@ -222,25 +208,22 @@ def _one_law(reading: Reading, spheres: Spheres) -> Law:
     for types, other in others:
         if other != law:
             raise SceneError(
-                f"contacts of types {first[0]} {first[1]} and {types[0]} {types[1]} have other laws, and a scene of "
-                "one material has one; say other materials by an [[inclusion]]"
+                f"contacts of types {first[0]} {first[1]} and {types[0]} {types[1]} have different laws; a scene "
+                "of one material has one law; describe other materials by an [[inclusion]]"
             )
     law = laws[first]
-    left = unread(law.command.words[4:])
-    if left in ("rolling", "twisting"):
-        raise SceneError(f"'{law.command}': {left} of a foreign deck is not read")
-    if law.normal not in MATERIAL or left:
-        raise SceneError(f"'{law.command}': no key of a scene says {left if law.normal in MATERIAL else law.normal}")
+    if law.normal not in MATERIAL or law.unread:
+        raise SceneError(f"'{law.command}': no key of a scene says {law.unread or law.normal}")
     if law.mixed and law.shear_share != 1 and law.has_history and law.friction:
         raise SceneError(
-            "LAMMPS mixes the shear modulus of two types in its own way, and a scene has that of contact mechanics"
+            "LAMMPS mixes the shear modulus of two types differently from contact mechanics, which a scene follows"
         )
     if law.damping and law.damping_law not in ("velocity", "coeff_restitution"):
         raise SceneError(f"damping {law.damping_law}: a scene has damping velocity and coeff_restitution")
     if not (law.has_history or law.tangential in ("none", "linear_nohistory")):
         raise SceneError(f"tangential {law.tangential}: no key of a scene says it")
     if law.tangential == "linear_nohistory" and law.shear_damping and law.friction:
-        raise SceneError("tangential linear_nohistory: no key of a scene says its damping")
+        raise SceneError("tangential linear_nohistory: no key of a scene describes its damping")
     if law.has_history and law.tangential not in _SHEARED:
         raise SceneError(f"tangential {law.tangential}: a scene has {', '.join(_SHEARED)}")
     return law
@@ -250,7 +233,7 @@ def _one_law(reading: Reading, spheres: Spheres) -> Law:
 
 
 def _most(values: Floats) -> float:
-    """Return the value of most spheres, or the mean where no half of them have one."""
+    """Return the value of most spheres; the mean if fewer than half have the same value."""
     _, first, counts = np.unique(np.round(values / values.max(), 9), return_index=True, return_counts=True)
     most = int(np.argmax(counts))
     return float(values[first[most]]) if 2 * counts[most] >= len(values) else float(values.mean())
@@ -261,7 +244,7 @@ def _spheres(
 ) -> Iterator[tuple[Sphere, dict[str, Any], bool]]:
     """Yield the sphere of the lattice, the keys of its load at rest, and whether contacts just touch.
 
-    Unequal spheres under adhesion alone rest in a box that has taken its size; others in a box that keeps it.
+    Unequal spheres that only adhesion holds rest in a box of free size; others rest in a box of fixed size.
     """
     sphere = _sphere(spheres, law, indexed, units)
     overlap, unequal = 2 * sphere.radius - indexed.touching, bool(np.ptp(spheres.radius) > _ALIKE * sphere.radius)
@@ -275,7 +258,7 @@ def _spheres(
         return
     if overlap < 0 and law.normal != "jkr":
         raise SceneError(
-            f"neighbours are {-overlap:.3g} m apart, {-overlap / sphere.radius:.2g} of a radius; those of a scene touch"
+            f"neighbours are {-overlap:.3g} m apart, {-overlap / sphere.radius:.2g} of a radius; in a scene they touch"
         )
     force = _rounded(float(sphere.contact_law.force(overlap)), 9)
     if sphere.work_of_adhesion and (unequal or abs(force) < _UNLOADED * sphere.pull_off_force):
@@ -286,7 +269,7 @@ def _spheres(
         yield sphere, {"contact_force": force} | ({"relax": "fixed"} if unequal else {}), False
     elif not unequal:
         raise SceneError(
-            f"neighbours overlap by {overlap:.6g} m, and pull at each other with {-force:.3g} N; those of a scene are "
+            f"neighbours overlap by {overlap:.6g} m, and pull at each other with {-force:.3g} N; in a scene they are "
             f"at rest, {sphere.static_overlap:.6g} m deep, or pressed together"
         )
 
@@ -294,10 +277,10 @@ def _spheres(
 def _sphere(spheres: Spheres, law: Law, indexed: Indexed, units: Units) -> Sphere:
     """Return the sphere of the lattice, without a load."""
     radius = _most(spheres.radius)
-    if indexed.lattice != CHAIN:  # unequal spheres of a sheet lie in places of the largest
+    if indexed.lattice != CHAIN:  # unequal spheres of a sheet lie in places for the largest
         loose = abs(2 * float(spheres.radius.max()) / indexed.touching - 1) < _TOUCHING
         radius = float(spheres.radius.max()) if loose else radius
-    density = _rounded(_most(spheres.mass / (4 / 3 * np.pi * spheres.radius**3)))
+    density = _rounded(_most(spheres.density))
     if law.normal == "jkr" and not law.gamma:
         raise SceneError("jkr without a surface energy: take hertz/material")
     return Sphere(
@@ -311,7 +294,7 @@ def _sphere(spheres: Spheres, law: Law, indexed: Indexed, units: Units) -> Spher
 
 
 def _rounded(value: float, digits: int = 13) -> float:
-    """Return a number with the digits that units and places leave of it."""
+    """Return a number with the digits that are exact after units and places were converted."""
     return float(f"{value:.{digits}g}")
 
 
@@ -326,7 +309,7 @@ def _given(sphere: Sphere) -> dict[str, Any]:
 
 
 def _walls(outside: Outside, indexed: Indexed) -> list[str]:
-    """Return the faces of a crystal at which planes stand; their places and laws are compared later."""
+    """Return the faces of a crystal that have walls; the places and laws of the walls are compared later."""
     names = {(1, -1): "first", (1, 1): "last", (0, -1): "sides", (0, 1): "sides"}
     found = []
     for wall in outside.walls:
@@ -372,7 +355,7 @@ def _packing(
 
 
 def _refuse_pushes(outside: Outside, indexed: Indexed, packing: Mapping[str, Any]) -> None:
-    """Refuse constant forces but those that press the free ends of a chain; their size is compared later."""
+    """Refuse constant forces, except on the free ends of a pressed chain; their size is compared later."""
     numbers, rows = [*outside.pushes], indexed.shape[0]
     if not numbers:
         return
@@ -385,7 +368,7 @@ def _refuse_pushes(outside: Outside, indexed: Indexed, packing: Mapping[str, Any
 
 
 def _differing(spheres: Spheres, indexed: Indexed, sphere: Sphere) -> dict[str, Any]:
-    """Return the tables of spheres that differ from those of the lattice, and of empty places."""
+    """Return the tables of spheres that differ from the sphere of the lattice, and of empty places."""
     tables: dict[str, Any] = {}
     layers = indexed.shape[2]
     if len(indexed.empty):
@@ -395,8 +378,7 @@ def _differing(spheres: Spheres, indexed: Indexed, sphere: Sphere) -> dict[str, 
             for layer, each in enumerate(by_layer)
             if each
         ]
-    density = spheres.mass / (4 / 3 * np.pi * spheres.radius**3)
-    own = {"density": (density, sphere.density), "radius": (spheres.radius, sphere.radius)}
+    own = {"density": (spheres.density, sphere.density), "radius": (spheres.radius, sphere.radius)}
     other = {name: np.abs(values / usual - 1) > _ALIKE for name, (values, usual) in own.items()}
     some = np.logical_or.reduce([*other.values()])
     if some.any():
@@ -410,7 +392,7 @@ def _differing(spheres: Spheres, indexed: Indexed, sphere: Sphere) -> dict[str, 
 def _effects(
     law: Law, spheres: Spheres, outside: Outside, units: Units, indexed: Indexed, *, held: bool
 ) -> dict[str, Any]:
-    """Return the table ``[effects]`` of a law."""
+    """Return the table ``[effects]`` for a law."""
     turns = bool(spheres.turns.any())
     sheared = law.has_history and law.friction > 0
     effects: dict[str, Any] = {}
@@ -427,7 +409,7 @@ def _effects(
     if law.damping_law == "coeff_restitution":
         effects["restitution"] = law.damping
     if law.damping_law == "coeff_restitution" and len(outside.frozen) < np.count_nonzero(~spheres.moves):
-        raise SceneError("held spheres are not frozen (fix freeze), so that dashpots take them for light ones")
+        raise SceneError("held spheres are not frozen (fix freeze), so that dashpots use their mass")
     if (law.damping or law.damping_law == "coeff_restitution") and sheared:
         if held and law.shear_damping != 1:
             raise SceneError(f"tangential damping {law.shear_damping:g}: must be 1 in a crystal that is held at rest")
@@ -439,7 +421,7 @@ def _effects(
 
 
 def lines(described: Described, path: Any) -> Sequence[str]:
-    """Return what there is to say of a scene that was found, line by line."""
+    """Return the lines of output on a scene."""
     scene, indexed, found = described.scene, described.indexed, described.likeness
     axes = [_axis(indexed.turn[axis]) for axis in range(3)]
     said = [f"{path}: {scene.words if scene.wave is None else scene.label}"]

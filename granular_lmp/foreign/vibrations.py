@@ -1,11 +1,11 @@
-"""The fastest vibration of the spheres of a deck, by the stiffnesses of their own contacts, and its fastest decay.
+"""The fastest vibration of the spheres of a deck, from the stiffnesses of their contacts, and the fastest decay.
 
 The stretch of a contact with the normal n and its slip along the tangent t are
 
     n·(u_i − u_j),    t·(u_i − u_j) + (R_i φ_i + R_j φ_j)·(n × t)
 
 The square of the largest frequency is the largest eigenvalue of M^(−1/2) Bᵀ K B M^(−1/2), where B holds these rows and
-K the stiffnesses. Held spheres have no mobility. Walls that are no planes are left out: with them the frequency rises.
+K the stiffnesses. Held spheres have no mobility. Walls that are not planes are left out; they raise the frequency.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,27 +17,28 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from granular_lmp.crystal.lanczos import top_bound
-from granular_lmp.foreign.laws import granular
-from granular_lmp.foreign.reading import Pairs, Reading, Spheres
+from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.foreign.laws import PLANES, law_of_wall
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.stages import Pairs, Spheres
 from granular_lmp.frozen import dataclass
+from granular_lmp.units import STYLES
 
 Floats = NDArray[np.float64]
-_INERTIA = 2 / 5
 _ZERO = np.finfo(float).tiny
-_CONSISTENT = ("lj", "si", "cgs", "micro", "nano")  # units in which a force is a mass times an acceleration
-_TOUCHING = 1e-10  # overlap over the radius, up to which spheres just touch, but for rounding
+_TOUCHING = 1e-10  # of the radius; spheres with a smaller overlap just touch, apart from rounding
 
 
 @dataclass(frozen=True, eq=False)
 class ContactsAtStart:
-    """Contacts at the beginning, C of them, with what their laws say.
+    """Contacts at the beginning, C of them, with their stiffnesses.
 
     Attributes
     ----------
     pairs : the contacts among all pairs.
     normal, shear : (C,) stiffnesses.
     dashpot : (C,) coefficients of the damping of the normal motion.
-    on_wall : whether these are contacts with a wall; i and j of `pairs` are then the same sphere.
+    on_wall : whether the contacts are with a wall; i and j of `pairs` are then the same sphere.
     """
 
     pairs: Pairs
@@ -49,9 +50,9 @@ class ContactsAtStart:
 
 @lru_cache(maxsize=1)
 def contacts_of(reading: Reading) -> ContactsAtStart | None:
-    """Return the contacts of a deck whose laws are known, or None if there is none."""
+    """Return the contacts of a deck whose laws are known; None if there are none."""
     spheres, pairs = reading.spheres, reading.pairs
-    if spheres is None or pairs is None or not reading.laws or reading.units not in _CONSISTENT:
+    if spheres is None or pairs is None or not reading.laws or reading.units not in STYLES:
         return None
     closed = pairs.of(pairs.overlap > _TOUCHING * spheres.radius[pairs.i])
     if not len(closed.i):
@@ -73,9 +74,9 @@ def effective_radius(spheres: Spheres, pairs: Pairs) -> Floats:
 
 
 def expected_displacement(reading: Reading) -> float | None:
-    """Return the overlap at rest, or where spheres only touch the depth of a collision of the fastest; None if neither.
+    """Return the overlap at rest; without contacts, the depth of the fastest sphere's collision; None without both.
 
-    Waves and impacts move spheres by about as much.
+    Waves and impacts move spheres by about this distance.
     """
     contacts = contacts_of(reading)
     if contacts is not None:
@@ -85,9 +86,9 @@ def expected_displacement(reading: Reading) -> float | None:
 
 
 def first_collision(reading: Reading) -> tuple[float, float] | None:
-    """Return the speed of the fastest sphere, and how long it touches an equal one at rest; None if that is unknown."""
+    """Return the speed of the fastest sphere and its contact time with an equal sphere at rest; None if unknown."""
     spheres = reading.spheres
-    if spheres is None or not spheres.moves.any() or reading.units not in _CONSISTENT:
+    if spheres is None or not spheres.moves.any() or reading.units not in STYLES:
         return None
     speeds = np.linalg.norm(spheres.velocity, axis=1)
     who = int(np.argmax(speeds))
@@ -100,21 +101,21 @@ def first_collision(reading: Reading) -> tuple[float, float] | None:
 
 @lru_cache(maxsize=1)
 def fastest(reading: Reading) -> float | None:
-    """Return the largest frequency of the spheres at the start (rad per unit of time), or None without contacts."""
+    """Return the largest frequency of the spheres at the start (rad per unit of time); None without contacts."""
     found = _contacts_and_walls(reading)
     return sqrt(_top(reading, [(each, each.normal, each.shear) for each in found])) if found else None
 
 
 def fastest_decay(reading: Reading) -> float | None:
-    """Return the largest rate of the contacts' dashpots over masses, in 1 over the unit of time, or None."""
+    """Return the largest decay rate by the dashpots of contacts, per unit of time; None without dashpots."""
     found = [each for each in _contacts_and_walls(reading) if each.dashpot.any()]
     return _top(reading, [(each, each.dashpot, np.zeros_like(each.dashpot)) for each in found]) if found else None
 
 
 def turning(reading: Reading) -> float:
-    """Return how much contacts turn spheres at the start: the largest torque, or rate of it, over that without balance.
+    """Return how strongly contacts turn spheres at first: the largest torque, or its rate, over that of one contact.
 
-    It is 0 where symmetry forbids rotation, and where nothing moves yet 1.
+    It is 0 if symmetry forbids rotation, and 1 if nothing moves yet.
     """
     contacts, spheres = contacts_of(reading), reading.spheres
     if contacts is None or spheres is None:
@@ -139,17 +140,16 @@ def _contacts_and_walls(reading: Reading) -> list[ContactsAtStart]:
 
 
 def _walls_of(reading: Reading) -> Iterator[ContactsAtStart]:
-    """Return the contacts with planes of ``fix wall/gran granular``, of all spheres that reach them."""
+    """Yield the contacts of spheres with planes of ``fix wall/gran granular``."""
     spheres, start = reading.spheres, reading.start
-    if spheres is None or start is None or reading.units not in _CONSISTENT:
+    if spheres is None or start is None or reading.units not in STYLES:
         return
     for fix in start.fixes:
-        law = granular(fix, fix.words[5:]) if fix.words[3:5] == ("wall/gran", "granular") else None
-        for axis, keyword in enumerate(("xplane", "yplane", "zplane")):
-            if law is None or keyword not in fix.words:
+        law, surface = law_of_wall(fix)
+        for axis, keyword in enumerate(PLANES):
+            if law is None or surface[:1] != (keyword,):
                 continue
-            place = fix.words.index(keyword)
-            for word in fix.words[place + 1 : place + 3]:
+            for word in surface[1:3]:
                 away = spheres.position[:, axis] - (float(word) if word != "NULL" else np.inf)
                 which = np.flatnonzero(np.abs(away) < spheres.radius * (1 - _TOUCHING))
                 if not len(which):
@@ -172,7 +172,7 @@ def _top(reading: Reading, springs: Sequence[tuple[ContactsAtStart, Floats, Floa
         for tangent in _tangents(axis, flat=reading.dimension == 2) if shear.any() else ():
             # The vector points from j to i, and the arms of both spheres to the contact make the same sign
             rows.append(_row(spheres, contacts, tangent, -np.cross(axis, tangent), shear))
-    spin = spheres.turns / (_INERTIA * spheres.mass * spheres.radius**2 + _ZERO)
+    spin = spheres.turns / (INERTIA_RATIO * spheres.mass * spheres.radius**2 + _ZERO)
     mobility = np.sqrt(np.concatenate((np.repeat(spheres.moves / spheres.mass, 3), np.repeat(spin, 3))))
     values, columns = (np.concatenate([row[n] for row in rows]) for n in range(2))
     starts = np.arange(0, values.size + 1, values.shape[1])

@@ -267,7 +267,7 @@ class Unnamed:
         from scipy.spatial import cKDTree  # kept out of start-up
 
         if self.known.get("deforms"):
-            raise RunFolderError(f"{self.folder}: its box deforms, and contacts are known in the first box only")
+            raise RunFolderError(f"{self.folder}: its box deforms, and contacts are known only in its first box")
         origin, cell, periodic = self.cell
         periodic = periodic & [True, True, bool(np.ptp(moment.place[:, 2]))]
         inside = (moment.place - origin) @ np.linalg.inv(cell)

@@ -1,4 +1,4 @@
-"""Decks as people write them, and 24 faults: each is a right deck in which lines were exchanged, added or left out.
+"""Decks as people write them, and 25 faults: each is a right deck in which lines were exchanged, added or left out.
 
 The right decks are an adhesive sheet, a compressed chain, a chain that is struck, two spheres that meet off centre, an
 adhesive pair by JKR's law, a layer on a substrate, and a run that goes on from a file.
@@ -229,6 +229,7 @@ FAULTS = [
     ("deep-overlap", "chain", [("lattice sq 9.499e-3", "lattice sq 8.0e-3"), ("timestep 2.0e-7", "timestep 2.0e-8")]),
     ("periodic-images", "sheet", [("block 0 4 0 4", "block 0 2 0 4")]),
     ("coarse-dump", "sheet", [("format float %.17g ", "")]),
+    ("frames-without-motion", "sheet", [("run 2000\n", "run 2000\nminimize 0.0 1e-9 100 1000\n")]),
     ("ghost-velocities", "sheet", [("comm_modify vel yes\n", "")]),
     ("forgotten-slip", "continued", [("read_restart sheared.restart", "read_data sheared.data")]),
     ("restart-without-law", "continued", [(f"pair_style granular\npair_coeff * * {STEEL}\n", "")]),

@@ -10,7 +10,8 @@ from granular_analysis.measure.witness import witness
 from granular_analysis.theory.errors import TheoryError
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.known import dumps_of, known_of, law_of
 from granular_lmp.foreign.outside import Outside, outside_of
 from granular_lmp.foreign.reading import read
@@ -302,7 +303,7 @@ def test_a_deck_without_dumps_is_refused(deck: Path, tmp_path: Path, capsys: pyt
     text = deck.read_text()
     (tmp_path / "in.new").write_text(text)
     assert main(["adopt", str(tmp_path / "in.new"), "-o", str(tmp_path / "run")]) == 2
-    assert "dump.beads: missing; the deck writes it, run it first" in capsys.readouterr().err
+    assert "dump.beads: missing; run the deck first, which writes it" in capsys.readouterr().err
     (tmp_path / "in.none").write_text("".join(line for line in text.splitlines(True) if "dump" not in line))
     assert main(["adopt", str(tmp_path / "in.none"), "-o", str(tmp_path / "run")]) == 2
     assert "has no dump of style custom or atom" in capsys.readouterr().err
@@ -317,7 +318,9 @@ def test_spheres_that_the_deck_does_not_have_are_refused(deck: Path, tmp_path: P
         adopt_dump([tmp_path / "dump"], tmp_path / "run", known)
 
 
-@pytest.mark.parametrize("words", ["", "springs 1 2", "hertz/material soft 0 0.3"])
+@pytest.mark.parametrize(
+    "words", ["", "springs 1 2", "hertz/material soft 0 0.3", "hertz/material 2e11 0 0.3 rolling sds 1 1 1"]
+)
 def test_words_that_are_no_law_are_refused(words: str) -> None:
     with pytest.raises(RunFolderError, match=f"law = '{words}': "):
         law_of(words, 1)

@@ -12,7 +12,8 @@ import pytest
 
 from granular_lmp.cli import main
 from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.lammps.custom_dump import frames
 from granular_lmp.lammps.outputs import UNNAMED
 from granular_lmp.plot.view import view
@@ -212,7 +213,7 @@ def test_spheres_that_come_or_go_are_said_and_left_out(tmp_path: Path) -> None:
     assert found.spheres.tolist() == [1, 3]
     assert found[2].place[:, 0].tolist() == [0.1, 0.3]
     said = [each.partition(";")[0] for each in found.info["remarks"] if each.startswith("step")]
-    assert said == ["step 10: 1 spheres vanish (id 2)", "step 20: 1 spheres appear (id 4)"]
+    assert said == ["step 10: 1 sphere vanishes (id 2)", "step 20: 1 sphere appears (id 4)"]
 
 
 def test_places_are_followed_across_a_face_by_least_images(tmp_path: Path) -> None:
@@ -244,7 +245,7 @@ def test_a_record_is_in_si_units_whatever_the_style(style: str, length: float, t
 
 
 REFUSED = {
-    "units are not said": ("id x y z", "1 0 0 0", Known(None, 1.0, [0.1])),
+    "the dump does not state its units": ("id x y z", "1 0 0 0", Known(None, 1.0, [0.1])),
     "give timestep=VALUE": ("id x y z", "1 0 0 0", Known("si", None, [0.1])),
     "give radius=VALUE": ("id x y z", "1 0 0 0", Known("si", 1.0)),
     "2 numbers, but the spheres have 3 types": ("id type x y z", "1 3 0 0 0", Known("si", 1.0, [0.1, 0.2])),
@@ -317,7 +318,7 @@ def test_contacts_in_a_box_that_deforms_are_refused(edge: str, later: str, tmp_p
     boxes = zip(texts, (edge, later), strict=True)
     path.write_text("".join(text.replace("pp ff ff\n0 1", f"pp ff ff\n{box}") for text, box in boxes))
     found = adopt_dump([path], tmp_path / "run", KNOWN)
-    assert any("the box is another one" in each for each in found.info["remarks"])
+    assert any("the box has changed" in each for each in found.info["remarks"])
     with pytest.raises(RunFolderError, match="its box deforms"):
         found.contacts(found[0])
 

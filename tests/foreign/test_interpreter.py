@@ -55,6 +55,8 @@ def said(reading: Reading) -> list[str]:
         ("variable said string one  # two &\nvariable said string three", ["one"]),
         ('# """\nvariable said string one\n""" two\nvariable said string three', ["three"]),
         ('variable said string """one\n  two"""', ["one\n  two"]),
+        ("variable said string one\n# two &", ["one"]),
+        ("variable said string one &\n\n", ["one"]),
     ],
 )
 def test_commands_follow_each_other_as_in_lammps(tmp_path: Path, text: str, words: list[str]) -> None:
@@ -125,13 +127,17 @@ def test_decks_that_run_programs_are_refused_by_the_line(tmp_path: Path, line: s
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("label a\njump SELF a\n", "a loop without an end"),
+        ("label a\njump SELF a\n", "is this an endless loop"),
         ("jump SELF nowhere\n", "no label 'nowhere'"),
         ("include in.none\n", "cannot be read"),
         ("pair_style nothing\n", "LAMMPS refuses 'pair_style nothing'"),
         ("jump\n", "'jump' lacks a word"),
         ("next 1*2\n", "LAMMPS refuses 'next 1*2'"),
         ("run some\n", "LAMMPS refuses 'run some'"),
+        ("run 500 &\n", "in.deck, line 3: the file ends in '&' here, and LAMMPS refuses 'run 500 &'; take out the '&'"),
+        ("run 500 &", "the file ends in '&' here, and LAMMPS refuses 'run 500 &'"),
+        ("run 500 & # ends\n", "LAMMPS refuses 'run 500 &'"),
+        ('print """one\n', "Unmatched triple quote"),
         ("variable a equal ${b}\n", "LAMMPS refuses 'variable a equal ${b}'"),
     ],
 )
@@ -186,7 +192,7 @@ def test_a_file_that_is_called_as_a_fix_is_not_taken_for_it(tmp_path: Path) -> N
 
 def test_a_deck_that_is_no_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "in.folder").mkdir()
-    assert "is no file" in of(tmp_path, f"{BEGIN}include in.folder\n").stopped
+    assert "is not a file" in of(tmp_path, f"{BEGIN}include in.folder\n").stopped
 
 
 def test_a_name_like_a_program_is_no_program(tmp_path: Path) -> None:

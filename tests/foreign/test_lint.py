@@ -90,6 +90,14 @@ def test_a_granular_benchmark_of_lammps_has_no_warning(name: str) -> None:
     assert found(reading) == []
 
 
+def test_what_is_judged_is_the_first_long_run(folder: Path) -> None:
+    text = DECKS["sheet"].replace("timestep 0.025", "timestep 0.25")
+    (folder / "in.cleared").write_text(f"{text}clear\nunits lj\npair_style zero 1.0\n")
+    reading = read(folder / "in.cleared")
+    assert (reading.stopped, reading.units, reading.dimension) == ("", "nano", 2)
+    assert found(reading) == ["time-step", "collision-time"]
+
+
 def test_nothing_is_written_beside_the_deck(folder: Path) -> None:
     text = DECKS["sheet"] + "fix seen all ave/time 10 1 10 v_kicks file averages.txt\nwrite_data left.data\n"
     (folder / "in.writing").write_text(text.replace("run 2000", "variable kicks equal vx[1]\nlog mine.log\nrun 2000"))

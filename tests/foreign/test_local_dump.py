@@ -9,7 +9,8 @@ import pytest
 
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, ViewError
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.local_columns import local_dumps
 from granular_lmp.foreign.reading import read
 from granular_lmp.lammps.local_dump import is_local, local_snapshots
@@ -182,7 +183,7 @@ def test_without_such_a_dump_the_contacts_are_overlaps(plate: Path, tmp_path: Pa
     assert list(found.contact_columns) == ["t_s", "id_i", "id_j", "overlap_m"]
     view(tmp_path / "run", tmp_path / "overlaps.svg", monitor="contacts")
     export(found, tmp_path / "overlaps.csv", "contacts")
-    with pytest.raises(ViewError, match="has only 'contacts'"):
+    with pytest.raises(ViewError, match="an unnamed crystal has only 'contacts'"):
         view(tmp_path / "run", tmp_path / "overlaps.svg", monitor="forces")
 
 

@@ -11,7 +11,8 @@ from granular_analysis.theory.bloch import real_modes
 from granular_analysis.theory.contact import Contact
 from granular_analysis.tools.branches import Branches, branches
 from granular_lmp import Record, Scene, run
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.runs.unnamed import Unnamed
 from granular_lmp.studies.kick import kicked
 

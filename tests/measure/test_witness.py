@@ -9,7 +9,8 @@ import pytest
 from granular_analysis.cli import main
 from granular_analysis.measure.witness import EXPLAINED, network_of, witness
 from granular_analysis.theory.errors import TheoryError
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.known import law_of
 from granular_lmp.foreign.laws import Law
 from granular_lmp.foreign.outside import Outside, Wall
@@ -196,6 +197,15 @@ def test_a_held_sphere_that_turns_in_the_deck_is_named(beads: Path, tmp_path: Pa
     (tmp_path / "dump.fine").write_bytes((beads / "dump.fine").read_bytes())
     found = witness(adopted(tmp_path, "fine", STEEL, 2e-7, outside=Outside(held=(9,))))
     assert found.reasons == ("sphere 9, which is held, turns in the deck and not in the witness",)
+
+
+def test_a_held_sphere_with_a_velocity_is_named(beads: Path, tmp_path: Path) -> None:
+    lines = (beads / "dump.fine").read_text().splitlines()
+    first = next(line.split() for line in lines if line.startswith("11 "))
+    still = [" ".join([*first[:5], "1e-3", "0", "0", *first[8:]]) if line.startswith("11 ") else line for line in lines]
+    (tmp_path / "dump.fine").write_text("\n".join(still) + "\n")
+    found = witness(adopted(tmp_path, "fine", STEEL, 2e-7, outside=Outside(held=(11,))))
+    assert any(reason.startswith("sphere 11 has a velocity and does not move") for reason in found.reasons)
 
 
 def test_a_step_that_changes_is_refused(beads: Path) -> None:

@@ -22,7 +22,8 @@ from cases.runner import script
 from granular_analysis.measure.witness import Witness, witness
 from granular_analysis.plotting import letter, page
 from granular_analysis.tools.branches import Branches, branches
-from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import adopt_dump
+from granular_lmp.foreign.conversion import Known
 from granular_lmp.foreign.known import dumps_of, known_of
 from granular_lmp.foreign.reading import read
 from granular_lmp.lammps.installation import lammps_module

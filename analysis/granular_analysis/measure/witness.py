@@ -12,7 +12,7 @@ each as the norm of the differences of all velocities over the norm of the veloc
 those of the dump in SI units; a dump in units lj keeps its own.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
@@ -171,6 +171,7 @@ def network_of(crystal: Unnamed) -> Network:
     if len(own) < len(kinds):
         raise TheoryError(f"the law between spheres of equal type is known for {len(own)} of {len(kinds)} types only")
     there = {pair: law for pair, law in laws.items() if {*pair} <= {*kinds.tolist()}}
+    _refuse_options(there.values())
     _refuse_others(own, there)
     _refuse_outside(crystal, own[0])
     law = own[0]
@@ -273,6 +274,15 @@ def _restitution(law: dict[str, Any]) -> float | None:
     return law["damping"] if dissipates else None
 
 
+def _refuse_options(laws: Iterable[dict[str, Any]]) -> None:
+    """Raise TheoryError for options of laws that the network does not hold."""
+    for law in laws:
+        if unread := law.get("unread"):  # folders of earlier releases do not say it
+            raise TheoryError(f"{law['line']}: {unread} is not built; the witness knows tangential and damping")
+        if law["damping_law"] == "coeff_restitution" and not 0 < law["damping"] <= 1:
+            raise TheoryError(f"a restitution of {law['damping']:g} is not built; the witness knows 0 to 1")
+
+
 def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[str, Any]]) -> None:
     """Raise TheoryError for laws that the network does not hold."""
     for law in laws.values():
@@ -285,7 +295,9 @@ def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[s
         if law["tangential"] == "linear_nohistory" and law["damping"] * law["shear_damping"] * law["friction"]:
             raise TheoryError("a damping of shear without a spring is not built; the witness knows mindlin")
         if law["damping"] and law["damping_law"] not in ("velocity", "coeff_restitution"):
-            raise TheoryError(f"damping {law['damping_law']} is not built; the witness knows velocity")
+            raise TheoryError(
+                f"damping {law['damping_law']} is not built; the witness knows velocity and coeff_restitution"
+            )
         if law["damping"] and law["tangential"] in _SHEAR and law["shear_damping"] != 1:
             raise TheoryError("a separate damping of shear is not built; the witness knows 1")
     for pair, law in laws.items():
@@ -301,6 +313,12 @@ def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[s
 def _refuse_outside(crystal: Unnamed, law: dict[str, Any]) -> None:
     """Raise TheoryError for fixes and walls of the deck that the network does not hold."""
     outside = crystal.known["outside"]
+    for sphere in crystal.known.get("strangers", ()):
+        raise TheoryError(
+            f"sphere {sphere} is in the dump and not in the deck where its run begins; forces on it are not known"
+        )
+    for sentence in outside.get("unfollowed", ()):
+        raise TheoryError(sentence)
     for line in outside["others"]:
         raise TheoryError(
             f"'{line}' is not built; the witness knows constant forces, planes, and fix move wiggle, linear"
@@ -341,10 +359,16 @@ def _reasons(crystal: Unnamed, network: Network, first: Moment) -> Iterator[str]
     if slips and forgotten is not None and step < forgotten < crystal.steps[-1]:
         yield f"the deck loses the slip of its contacts at step {forgotten}, where it continues from a data file"
     unknown = step != outside["begin"] or not outside["unturned"]
+    for name, said in (("absent", "of the deck is not in the dump"), ("come_and_go", "comes or goes")):
+        if spheres := crystal.known.get(name):
+            yield f"sphere {spheres[0]} {said}, and the witness has no contacts with such spheres"
     if first.spin is None and unknown and network.shear and network.rotation:
         yield "the dump has no spins (omegax, omegay, omegaz); the witness begins without spin"
     if any("differences" in each for each in crystal.info["remarks"]):
-        yield "the dump has no velocities; they are differences of places"
+        yield "the dump holds no velocities; they are differences of places"
+    resting = np.isin(crystal.spheres, outside["held"]) & first.velocity.any(axis=1)
+    for sphere in crystal.spheres[resting & np.all(crystal[len(crystal) - 1].place == first.place, axis=1)][:1]:
+        yield f"sphere {sphere} has a velocity and does not move; its contacts slip in the deck, and not in the witness"
     if network.shear and (turning := _turning_held(crystal, network)):
         yield f"sphere {turning}, which is held, turns in the deck and not in the witness"
 
