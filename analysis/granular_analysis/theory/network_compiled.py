@@ -25,7 +25,7 @@ from granular_analysis.theory.network_verlet import taken as taken
 __all__ = ["march"]
 
 Floats = NDArray[np.float64]
-AT_ONCE = 10_000_000  # steps times pairs in one call: about 0.2 s, between which a run can be interrupted
+AT_ONCE = 10_000_000  # steps times pairs of one call, about 0.2 s; a run can be interrupted between calls
 
 
 class _Bodies(ctypes.Structure):

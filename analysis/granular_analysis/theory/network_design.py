@@ -8,7 +8,7 @@ bounds and follows the gradient of log V,
 
 where a `Goal` reads the real or complex vector s off each run. Each run starts with one of the signs: the mean over +1
 and −1 keeps only even orders of the amplitude. A robust design maximises the mean of V over several crystals; in each
-crystal, of its own seed, every density is off by a normally distributed share.
+of them, drawn with its own seed, every density is off by a normally distributed share.
 
 If the total mass is kept, the density of group j, which has w_j spheres, is
 
@@ -132,6 +132,7 @@ class SameMass:
         self.low, self.width, self.sizes = low, high - low, sizes / sizes.sum()
 
     def _shares(self, numbers: Floats) -> Floats:
+        """Return (f_j − low)/(high − low), with the λ that keeps the mass."""
         wanted = (1 - self.low) / self.width
 
         def off(shift: float) -> float:
@@ -238,6 +239,7 @@ class Design:
 
 
 def _along(read: Callable[[Record], Any], way: Any, found: Record) -> Any:
+    """Return Re(e·s), for the vector e of `Goal.of`."""
     return jnp.real(jnp.sum(way * read(found)))
 
 
@@ -331,6 +333,7 @@ def improved(
 
 
 def _tried(design: Design, scaling: Scaling, numbers: Floats, densities: Floats) -> Evaluation:
+    """Return the evaluation at some densities; a refused run gives one with the value nan."""
     try:
         value, slope = design.evaluated(densities)
     except TheoryError as error:

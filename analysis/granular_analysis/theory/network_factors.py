@@ -1,7 +1,7 @@
 """Run as a function of factors on each sphere, each contact, the start and each signal.
 
 A run of `granular_analysis.theory.network_traced` from a state depends on factors. A factor of 1 has no effect; a phase
-or a delay has none at 0. Each multiplies the quantity named here, unless it says otherwise:
+or a delay has none at 0. Each factor multiplies the quantity named here, unless stated otherwise:
 
     density          (N,) density of each sphere
     radius           (N,) radius of each sphere; mass, stiffnesses and overlaps follow, positions stay

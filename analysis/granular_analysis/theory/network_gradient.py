@@ -200,21 +200,25 @@ def _number(plan: Plan, objective: Objective, given: Given) -> Callable[[Factors
 
 @partial(jax.jit, static_argnums=0)
 def _value_and_slope(plan: Plan, objective: Objective, given: Given, factors: Factors) -> Any:
+    """Return the objective with the extremes, and its gradient."""
     return jax.value_and_grad(_number(plan, objective, given), has_aux=True)(factors)
 
 
 @partial(jax.jit, static_argnums=0)
 def _along(plan: Plan, objective: Objective, given: Given, factors: Factors, direction: Factors) -> Any:
+    """Return the objective, its derivative along a direction, and the extremes."""
     return jax.jvp(_number(plan, objective, given), (factors,), (direction,), has_aux=True)
 
 
 @partial(jax.jit, static_argnums=0)
 def _slope_along(plan: Plan, objective: Objective, given: Given, factors: Factors, direction: Factors) -> Any:
+    """Return the gradient, its derivative along a direction, and the extremes."""
     return jax.jvp(jax.grad(_number(plan, objective, given), has_aux=True), (factors,), (direction,), has_aux=True)
 
 
 @partial(jax.jit, static_argnums=0)
 def _along_given(plan: Plan, objective: Objective, start: Start, ways: Start) -> Any:
+    """Return the objective, its derivatives along directions that are stacked in `ways`, and the extremes."""
     leaves, tree = jax.tree.flatten(start)
     smooth = [n for n, each in enumerate(leaves) if jnp.issubdtype(each.dtype, jnp.floating)]
 

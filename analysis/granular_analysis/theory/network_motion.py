@@ -109,9 +109,9 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     motion, pairs = state.motion, state.pairs
     now = present(network, state)
     inverse_mass = np.append(network.mobility[0], np.zeros(len(network.walls)))
-    pull = np.abs(np.array(resultants(pairs, now))) * network.mobility
+    accelerations = np.abs(np.array(resultants(pairs, now))) * network.mobility
     arms = _arms(network)
-    length, speed, acceleration = (float(np.max(np.abs(each) * arms)) for each in (*np.split(motion, 2), pull))
+    length, speed, acceleration = (float(np.max(np.abs(each) * arms)) for each in (*np.split(motion, 2), accelerations))
     stiffness = 1.5 * pairs.A * now.radius  # a Hertz contact of this radius is stiffer than an adhesive one
     for each in network.drives:
         lever = arms[each.component, each.spheres]

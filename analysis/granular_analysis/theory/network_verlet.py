@@ -8,9 +8,9 @@ One step of length h for `granular_analysis.theory.network`, with the accelerati
 
 Slip rates and dashpots use the velocities of the half step, since LAMMPS computes forces between the two kicks. An open
 contact forgets its slip; a sliding contact keeps the slip at its limit. Under the incremental law, the force of the
-spring replaces s. At the end of a step, quiet ends of decay rate c multiply each velocity and spin by (1 − ½h c)/(1 +
-½h c). If a drive prescribes the motion of a sphere, its contacts see the mean velocity over the last step. LAMMPS sets
-a prescribed spin at the end of a step, so in the first step it is 0.
+spring replaces s. At the end of a step, quiet ends of decay rate c multiply each velocity and spin by
+(1 − ½h c)/(1 + ½h c). If a drive prescribes the motion of a sphere, its contacts see the mean velocity over the last
+step, or `Drive.rate`. LAMMPS sets a prescribed spin at the end of a step, so in the first step it is 0.
 
 In the plane, rotations are those of the dipoles in LAMMPS, which turn by arctan(hω) in a step. In space, the rotations
 of all steps are composed, like the quaternions in LAMMPS.
