@@ -1,7 +1,7 @@
 """SciPy's DOP853 of Hairer, Nørsett and Wanner, for real or complex states of any shape, with output at given times.
 
 SciPy sums the stages by BLAS, which may spread a state of a few hundred complex numbers over all its threads. That is
-slow on a busy machine, so the scripts of this package use one thread (`granular_analysis`).
+slow on a busy machine, so the scripts of this package use one thread (`granular_lmp.cli.entry`).
 """
 
 from collections.abc import Callable

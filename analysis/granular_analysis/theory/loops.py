@@ -1,7 +1,7 @@
 """Time derivatives of states in one pass in C, in place of dozens of NumPy calls, if the machine has a C compiler.
 
-The first use compiles ``loops.c`` with the compiler in ``CC``, else ``cc``, into the user's cache folder. The name of
-the file is a hash of the source, the flags and the machine; a damaged file is compiled again. Without a compiler, or if
+The first use compiles ``loops.c`` with the compiler in ``CC``, else ``cc``, into a folder of the user's cache, whose
+name has a hash of the source, the flags and the machine; a damaged file is compiled again. Without a compiler, or if
 others may write to the folder, NumPy computes everything. NumPy is the reference: both give the same numbers, up to the
 rounding of sums in another order.
 """

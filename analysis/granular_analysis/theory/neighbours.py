@@ -45,7 +45,7 @@ class Neighbours:
     deform : p, q, φ (..., 3, K) of the spheres → n·d, t·d, σ (..., 3, 3, K) of their contacts; the axis of bonds is
         before that of spheres.
     gather : forces (..., 3, 3, K) of the contacts against n·d, t·d, σ → forces (..., 3, K) on p, q, φ. It is minus the
-        transpose of `deform`, so the work of the forces on spheres is the work that the contacts take.
+        transpose of `deform`, so the spheres lose the energy that the contacts take.
     torus : shifts, if the spheres are the points of a phase torus; else None.
     """
 

@@ -2,7 +2,7 @@
 
 | objective | value, for a spot (`granular_analysis.theory.variation`) |
 |---|---|
-| `Growth` | growth of a resonant second harmonic per period, in the amplitude of the wave per length of the spot |
+| `Growth` | growth of a resonant second harmonic: in a period it gains growth·A²/length, for a wave of amplitude A |
 | `Tuned` | −(f/f₀ − 1)² for the frequency f of a resonance and a wanted f₀ |
 | `Gap` | width of the gap above a branch, over the frequency at its middle |
 | `Passing` | share of the energy of a wave that passes through rows, as a function of the density of these rows |
@@ -56,7 +56,7 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Growth of a second harmonic per period, at a resonance 2ω_i(x) = ω_j(2x).
+    """Growth of a second harmonic at a resonance 2ω_i(x) = ω_j(2x), by `variation.Varied.growth`.
 
     Attributes
     ----------
