@@ -50,14 +50,14 @@ SHEAR_LAWS: tuple[ShearLaw, ...] = ("secant", "incremental", "potential")
 
 
 class Law(NamedTuple):
-    """Forces of contacts at rest and their derivatives by the overlap, each (C,).
+    """Forces of contacts at rest and their derivatives with respect to the overlap, each (C,).
 
     Attributes
     ----------
     push, stiffness, curvature, third : f, f′, f″, f‴ of the normal force.
     shear, shear_growth, shear_curvature : k, k′, k″ of the stiffness against slip.
     reach : stretch that opens the contact.
-    friction : largest shear force over the coefficient of friction.
+    friction : largest shear force, divided by the coefficient of friction.
     """
 
     push: Floats
@@ -279,7 +279,7 @@ class Bonds:
 
     @cached_property
     def _acting(self) -> tuple[Integers, Integers, Integers]:
-        """Return the ends sorted by sphere, without walls, the place where each sphere begins, and the spheres."""
+        """Return the ends (of 2C) sorted by sphere, without walls, where each sphere begins, and the spheres."""
         sphere = np.stack([self.first, self.second], axis=-1).ravel()
         order = np.argsort(sphere, kind="stable")[np.count_nonzero(sphere < 0) :]
         acted, begin = np.unique(sphere[order], return_index=True)
@@ -304,7 +304,7 @@ class Bonds:
 
         frequencies : ω₁ and ω₂ (...), of either sign.
 
-        For real fields Re(A e^{iα}) and Re(B e^{iβ}), each order of the two contributes ½Re of the bilinear form.
+        For real fields Re(A e^{iα}) and Re(B e^{iβ}), each of the orders (A, B) and (B, A) contributes ½Re of the form.
         """
         difference = np.asarray(frequencies[0]) - np.asarray(frequencies[1])
         winding = self.winding(one, other, -0.25j * np.asarray(difference)[..., None, None])

@@ -198,7 +198,7 @@ def _forces(cell: Cell, course: "Course", moved: NDArray[Any]) -> tuple[Complexe
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Chebyshev points for functions of A (K rates ω_l) and for functions of time (S points up to the last time).
+    """Chebyshev points for functions of A (K rates ω_l) and of time (S points from 0 to the last time).
 
     Attributes
     ----------
@@ -257,7 +257,7 @@ class Course:
         swing, sway = np.cos(phase), np.sin(phase)
         each = swing, sway * self.gain, -sway * self.actual, swing * self.actual * self.gain
         still, swung, swayed, moved = map(self._coefficients, each)
-        displaced, moving = (part.view(float) for part in start)  # as coefficients are real
+        displaced, moving = (part.view(float) for part in start)  # the coefficients are real
         place = still @ displaced + swung @ moving
         rate = swayed @ displaced + moved @ moving
         return place.view(start.dtype), rate.view(start.dtype)

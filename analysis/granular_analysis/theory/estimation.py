@@ -9,8 +9,9 @@ they are not, all points share one error, which follows from the residuals, and 
 The data do not determine a combination of parameters if its standard deviation is above `WIDE`, a factor of e² for
 positive parameters. The combination is a right singular vector of J, which names the parameters that it mixes; they get
 no interval. A first search, with a prior of width `WIDE` about the start, finds these combinations. A second search,
-without a prior, moves only along the other right singular vectors. So, to first order, the estimate is the solution
-nearest to the start: a parameter without effect stays at its start, and the parameters of a product share the step.
+without a prior, moves only along the other right singular vectors. So, to first order, the estimate is, of all values
+that fit equally well, the nearest to the start: a parameter without effect stays at its start, and the parameters of a
+product share the step.
 
 When it breaks: an interval assumes that the model is linear over the width of the interval, and that residuals are
 independent and Gaussian. A robust loss gives outliers less weight; its intervals are then those of a Gaussian core.
@@ -135,8 +136,9 @@ def estimate(
     Raises
     ------
     ValueError
-        For fewer points than parameters (and an unknown error), errors that are not positive, a robust loss without
-        errors, a search that does not end, and one that ends at a bound or at values next to which the model has none.
+        For fewer points than parameters (one more if the error is unknown), errors that are not positive, a robust loss
+        without errors, a search that does not end, and one that ends at a bound or where the model ceases to have a
+        value.
     """
     data = np.asarray(measured, dtype=float)
     names = ", ".join(each.name for each in parameters)
@@ -223,7 +225,7 @@ class _Search:
         return _Minimum(found, residuals(found), jacobian, seen)
 
     def _ends(self, inner: Floats) -> NDArray[np.bool_]:
-        """Return whether the model has no value a small step of each parameter away, (P,)."""
+        """Return for each parameter, (P,), whether the model has no value a small step of it away."""
         steps = np.array([inner + way * _BESIDE * row for row in np.eye(len(inner)) for way in (-1, 1)])
         lost = [not np.isfinite(self.model(self.values(each))).all() for each in steps]
         return np.any(np.reshape(lost, (-1, 2)), axis=1, keepdims=False)

@@ -43,8 +43,8 @@ from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 
-# Small enough that no contact opens and aliasing is small, large enough that order 2 is well above the tolerance.
-# Rounding enters the term aᵏ⁻¹ yk as 1e-16 (a/r)ᵏ⁻¹.
+# Radius r of the circle: so small that no contact opens and aliasing is small, so large that order 2 is well above the
+# tolerance. Rounding enters the term aᵏ⁻¹ yk as 1e-16 (a/r)ᵏ⁻¹.
 RADIUS = 0.1
 FEWEST = 11  # points on the circle: aliasing is then r¹¹ = 1e-11 of order k+11
 
@@ -82,7 +82,9 @@ def hierarchy_orders(mode: Mode, contact: Contact, tau: ArrayLike, *, order: int
 def hierarchy(
     wave: Wave, tau: ArrayLike, *, order: int = 6, row: float = 0, rtol: float = 1e-10
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the displacements p, q, φ (T,) of one sphere to order n in units of D0: Σ aᵏ⁻¹ yk at ϑ = ξ·row + phase.
+    """Return the displacements p, q, φ (T,) of one sphere to order n in units of D0: Σ aᵏ⁻¹ yk.
+
+    At τ=0 its phase is ϑ = ξ·row + phase.
 
     row : as in `lattice.torus`.
     order, rtol : as in `hierarchy_orders`, which serves all amplitudes, rows and phases at once.

@@ -23,7 +23,7 @@ the overlap (LAMMPS mindlin/force).
 contact is closed, which makes the lattice conservative.
 
 `overlap_ratio` η = Δ0/2R > 0: contacts have their true direction and length, as in LAMMPS. The slip is then no function
-of the configuration, so it has no potential and is integrated as a state,
+of the configuration, so `law` "potential" is refused, and the slip is integrated as a state,
 
     ds/dτ = (present tangent)·(relative velocity) − (φ'₊ + φ'),     torque = S·[1 − η(1−x)₊]     (lever arm R − δ/2)
 

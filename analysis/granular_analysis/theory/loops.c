@@ -279,7 +279,7 @@ typedef struct {
   double along[BONDS], across[BONDS]; /* components p and q of the directions at rest */
   double A, F, shear, length, overlap_ratio; /* length is 0 if directions are fixed */
   double depth, width, least; /* for JKR, as in network_laws.py and adhesion.py; depth is 0 for DMT */
-  double dashpot, softens; /* softens: whether the dashpot is times the root of the contact radius */
+  double dashpot, softens; /* softens: whether the dashpot goes as the root of the contact radius */
   double mobility[3];
 } Torus;
 

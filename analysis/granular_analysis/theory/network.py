@@ -27,7 +27,7 @@ and dashpot together equal the limit. Without adhesion the limit is μ|P|, where
 **JKR.** With adhesion = "jkr" the law is `jkr` of LAMMPS (`granular_analysis.theory.network_laws`): P is another
 function of δ, the contact radius over √Rc replaces δ^{1/2}, and the friction limit is μ(P + 2F') with the largest pull
 F' = (3/4) F. Such a contact closes at δ = 0 and stays closed at negative δ until the pull reaches F'. At rest, all
-spheres closer than the distance at which contacts open touch.
+spheres that are closer than the distance at which contacts open are in contact.
 
 **Mixing.** A contact of two kinds of spheres has 1/E* = Σ(1 − ν²)/E, 1/G* = Σ 2(2 − ν)(1 + ν)/E and w = √(w_i w_j), as
 documented for LAMMPS. LAMMPS departs from this in one case: if a pair of types has no pair_coeff of its own and the

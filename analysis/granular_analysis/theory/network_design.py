@@ -151,7 +151,7 @@ class SameMass:
         return np.asarray(steep * (slope - self.sizes * (slope @ steep) / (self.sizes @ steep)))
 
     def to(self, densities: Floats) -> Floats:
-        """Return the numbers, of densities clipped to 2 % off the bounds."""
+        """Return the numbers, of densities clipped to stay 2 % of the range away from the bounds."""
         return np.asarray(logit(np.clip((densities - self.low) / self.width, 0.02, 0.98)))
 
 

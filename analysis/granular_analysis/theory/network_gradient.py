@@ -15,8 +15,8 @@ When it breaks: if a contact opens, closes or slides, the record has a kink and 
 functions here refuse such a run by default; `events` names these contacts, and says how near the others come. If a
 force also jumps (an adhesive contact opens or closes, or a sheared contact opens), the derivative differs from that of
 the true motion: steps of fixed length ignore that a factor a shifts the jump ΔF in time, so the derivative of the
-velocity lacks the term (ΔF/m)(dx/da)/v, where v is the speed at the jump. Hertz contacts without shear do not jump, and
-neither does sliding.
+velocity lacks the term (ΔF/m)(dx/da)/v, where v is the speed at the jump. Hertz contacts without shear have no such
+jump, and neither has sliding.
 
 Source: A. Griewank and A. Walther, Evaluating Derivatives (2008), chapters 3 and 12.
 """

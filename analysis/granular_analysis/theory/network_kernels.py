@@ -42,7 +42,7 @@ Integers = NDArray[np.intp]
 # The normal and shear stiffness of a contact grow as these powers of each factor
 STIFFENS = {"normal_stiffness": (1.0, 0.0), "shear_stiffness": (0.0, 1.0), "adhesion": (1 / 3, 1 / 3)}
 FACTORS = (*STIFFENS, "density")
-_SMALL = 1e-4  # share of the overlap: step of a difference, and way that an impulse moves a sphere between samples
+_SMALL = 1e-4  # share of the overlap: step of a difference, and displacement by an impulse between two samples
 
 
 def kernels(run: Run, name: str, owners: Integers, errors: Floats) -> Iterator[tuple[int, int, Floats]]:

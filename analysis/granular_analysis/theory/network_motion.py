@@ -287,7 +287,7 @@ class _Rates:
         return float(work_rate(self.network, self.start.pairs, now))
 
     def settled(self, reached: State) -> tuple[State, bool]:
-        """Return the last state, settled, and whether it was so before: only then is its slope the one evaluated."""
+        """Return the state of the last evaluation, settled, and whether it already was: if not, its slope differs."""
         if self.plain:
             return reached, True
         state = settled(self.network, reached)

@@ -386,7 +386,7 @@ def start(
     rotation: ArrayLike = 0.0,
     spin: ArrayLike = 0.0,
 ) -> State:
-    """Return the state that one straight displacement from rest, without forces, leads to.
+    """Return the state after one straight displacement from rest, without forces.
 
     At rest no contact is sheared. A LAMMPS deck must start in the same way: LAMMPS cannot derive shear from positions,
     so one step of `nve/noforce` takes the spheres from rest to their start. The slip is the whole relative displacement

@@ -210,7 +210,7 @@ def best(objective: Objective, bounds: Sequence[tuple[float, float]], starts: Se
     Parameters
     ----------
     bounds : P pairs, lower and upper.
-    starts : numbers (P,) among whose best the search starts; None: a grid between the bounds.
+    starts : points (P,) to evaluate, from the best of which the search starts; None: a grid between the bounds.
 
     Raises ValueError if the objective has no value at any start.
     """

@@ -321,7 +321,7 @@ class Setting:
         return crystal, started(crystal, mode.wavevector, field, rate)
 
     def signals(self, tau: ArrayLike) -> tuple[tuple[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]:
-        """Return p, q, φ of the centre sphere to first and to second order, each (T,), in units of D0.
+        """Return the first and the second order of p, q, φ of the centre sphere, (T,) each, in units of D0.
 
         tau : (T,) times in t0.
         """

@@ -45,7 +45,10 @@ def chirp(frequency: float, sweep: float, cycles: float, phase: float = 0.0, del
 
 
 def ricker(frequency: float, delay: float = 0.0) -> Function:
-    """Return (1 − y²/2) e^{−y²/4}, y = Ωt − 12, t = τ − delay: Ricker's wavelet, whose spectrum peaks at Ω."""
+    """Return Ricker's wavelet (1 − y²/2) e^{−y²/4}, y = Ωt − 12, t = τ − delay, whose spectrum peaks at Ω.
+
+    It is the second derivative of a Gaussian, up to a factor.
+    """
 
     def signal(tau: Floats) -> Floats:
         y = frequency * (tau - delay) - 12.0

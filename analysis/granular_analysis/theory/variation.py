@@ -204,7 +204,7 @@ class Modes:
         return np.asarray(moved - self._longer(moved, branch)[:, None, None] * self.shapes[branch])
 
     def dual_changes(self, branch: int) -> Complexes:
-        """Return the derivatives (P + 1, B, 6) of the dual of a mode whose size stays constant; errors as above."""
+        """Return the derivatives (P + 1, B, 6) of the dual of a mode of constant size, as `shape_changes`."""
         moved = np.einsum("pl,lbc->pbc", self._weights(self.changes[:, :, branch], branch), self.shapes)
         turned = np.einsum("pl,lbc->pbc", self._weights(self.changes[:, branch], branch), self.duals)
         return np.asarray(turned + self._longer(moved, branch)[:, None, None] * self.duals[branch])
