@@ -93,7 +93,7 @@ def test_a_search_that_was_stopped_continues_to_the_same_bits() -> None:
     mirrored = [each._replace(slope=-each.slope) for each in kept[:3]]
     other = design.improved(one, one.begin(1), 6, mirrored[:1])
     assert not np.array_equal(other.densities, whole.densities)
-    with pytest.raises(TheoryError, match="evaluation 2 that was kept is of other densities"):
+    with pytest.raises(TheoryError, match="kept evaluation 2 has other densities than this search"):
         design.improved(one, one.begin(1), 6, mirrored)
 
 
@@ -136,7 +136,7 @@ class Steep:
 
     def evaluated(self, densities: np.ndarray) -> tuple[float, np.ndarray]:
         if densities[0] > self.limit:
-            raise TheoryError("3 contacts opened, first pair 7; the gradient is that of one side")
+            raise TheoryError("3 contacts opened, first pair 7; the gradient is one-sided there")
         return float(densities[0]), np.array([1.0, 0.0])
 
 
@@ -162,7 +162,7 @@ def test_a_search_steps_back_from_runs_in_which_contacts_open_and_says_so() -> N
 def test_a_search_that_makes_no_sense_is_refused(changes: dict[str, object], said: str) -> None:
     with pytest.raises(TheoryError, match=said):
         replace(searched(), **changes)
-    with pytest.raises(TheoryError, match="within 1.1 2: the same mass needs bounds on both sides of 1"):
+    with pytest.raises(TheoryError, match="within 1.1 2: keeping the mass needs one bound below 1 and one above"):
         _ = replace(searched(), low=1.1, same_mass=True).scaling
 
 

@@ -85,7 +85,7 @@ def test_a_search_that_was_stopped_continues_to_the_same_bits() -> None:
     assert (again[0], again[1], len(again)) == (made[0], made[1], len(made))
     other = made[0], made[1]._replace(values=0.9 * made[1].values)
     assert not np.array_equal(with_changes(search, kept=other).image(np.ones(40)).values, whole.values)
-    with pytest.raises(TheoryError, match="trial 2 that was kept is of another weight; begin anew"):
+    with pytest.raises(TheoryError, match="kept trial 2 has another weight than this search; begin anew"):
         with_changes(search, kept=[made[0], made[2]]).image(np.ones(40))
 
 
@@ -113,7 +113,7 @@ def test_data_without_a_difference_need_none_and_data_without_a_wave_are_refused
     _, _, search = linear(0.02)
     flat = with_changes(search, misfit=lambda values: (30.0, 0 * values))
     assert flat.image(np.ones(40)).reason == "chi2 is 1 a point or less without any difference"
-    with pytest.raises(ValueError, match="no wave comes by"):
+    with pytest.raises(ValueError, match="no wave reaches them"):
         with_changes(search, curvature=np.zeros((40, 40))).image(np.ones(40))
 
 

@@ -155,7 +155,7 @@ def test_what_a_hessian_leaves_is_of_third_order_and_it_is_symmetric(kind: str) 
         read = float(gradients.derivative(run, read_off, moved, way)[0])
         left.append(abs(read - value - size * first - size**2 / 2 * second))
     assert order_of(np.array(left), sizes) == pytest.approx(3, abs=0.1)
-    with pytest.raises(TheoryError, match="spheres move so far that others may touch"):
+    with pytest.raises(TheoryError, match="spheres move so far that new contacts are possible"):
         gradients.hessian_product(run, read_off, ones | {"amplitude": 1e3}, one, kinks=True)
 
 
@@ -176,7 +176,7 @@ WIDE, FAR, SLIPPERY = {"amplitude": 30.0}, {"amplitude": 1e3}, {"normal_stiffnes
     ("changes", "message"),
     [
         (WIDE, r"\d+ contacts opened, first pair \d+"),
-        (FAR, "spheres move so far that others may touch"),
+        (FAR, "spheres move so far that new contacts are possible"),
         (SLIPPERY, r"\d+ contacts slid"),
     ],
 )
@@ -215,7 +215,7 @@ def test_a_pair_that_never_touches_is_not_the_nearest_to_open() -> None:
 
 
 def test_an_unknown_factor_is_refused_by_name() -> None:
-    with pytest.raises(TheoryError, match="'mass': is no factor of a run; density, radius"):
+    with pytest.raises(TheoryError, match="'mass': not a factor of a run; allowed: density, radius"):
         of_kind("sheet").neutral("mass")
 
 
@@ -225,7 +225,7 @@ def test_a_phase_without_a_quadrature_and_a_delay_of_a_signal_for_numpy_alone_ar
         replace(run, quadrature=None).neutral("phase")
     push = replace(run.network.drives[0], signal=lambda time: np.cos(time))
     plain = replace(run, network=replace(run.network, drives=(push,)))
-    with pytest.raises(TheoryError, match="delay: a signal takes arrays of NumPy alone"):
+    with pytest.raises(TheoryError, match="delay: a signal takes only NumPy arrays"):
         gradients.record(plain, plain.neutral("delay"))
 
 

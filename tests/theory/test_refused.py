@@ -173,8 +173,8 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: heavy_rows(contact(viscosity=0.1), [2.0]), "dashpot of the contact is"),
         (lambda: heavy_rows(contact(rotation=False), [2.0]), "shear and rotation"),
         (lambda: rows_of_network(0, 11), "first, last = 0, 11: must be rows from 1 to 12"),
-        (lambda: rows_of_network(2, 11, density={3: 5000.0}), "row 2: must be of a perfect lattice"),
-        (lambda: rows_of_network(2, 11, density={10: 5000.0}), "row 11: must be of a perfect lattice"),
+        (lambda: rows_of_network(2, 11, density={3: 5000.0}), "row 2: must belong to a perfect lattice"),
+        (lambda: rows_of_network(2, 11, density={10: 5000.0}), "row 11: must belong to a perfect lattice"),
     ],
     "network": [
         (lambda: crystal(6, 4, position=np.zeros((24, 4))), "position must be finite"),
@@ -188,7 +188,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: crystal(6, 4, friction=np.nan), "friction = nan must not be negative"),
         (lambda: crystal(6, 4, viscosity=-1.0), "viscosity = -1.0 must be finite and not negative"),
         *((lambda e=e: crystal(6, 4, restitution=e), "restitution") for e in (0.0, 0.5)),  # 0.5: beside adhesion
-        (lambda: crystal(6, 4, cell=(2e-6, np.inf)), "must be two periods of more than"),
+        (lambda: crystal(6, 4, cell=(2e-6, np.inf)), "must be two periods, each more than"),
         (lambda: Material(0.0, 0.2), "youngs_modulus"),
         (lambda: Material(1.0, 0.6), "poisson_ratio"),
         (lambda: Material(1.0, 0.2, -1.0), "work_of_adhesion"),
@@ -200,7 +200,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: start(APART_SPHERES, np.nan, 0.0), "must be finite"),
         (lambda: packing([[0.0, 0.0, 0.0]], cell=(5e3, 5e3)), "must be three periods"),
         (lambda: packing([[0.0] * 3], walls=(Wall((0.0, 0.0, 0.0), (0.0, 0.0, -2.0)),)), "normal the length 1"),
-        (lambda: Cell.of(packing([[0.0] * 3])), "spheres in space are not in the second order of a cell"),
+        (lambda: Cell.of(packing([[0.0] * 3])), "the second order of a cell leaves out spheres in space"),
     ],
     "adhesion law": [
         (lambda: design(JKR, 1e8), "adhesion_law is 'jkr'; allowed: 'dmt'"),

@@ -134,7 +134,9 @@ def test_branches_that_mix_are_refused() -> None:
     mixing = replace(same, changes=np.ones((2, 6, 6), dtype=complex))
     mixing.shape_changes(2)
     for change in (mixing.shape_changes, mixing.dual_changes):
-        with pytest.raises(ValueError, match="branch 0 has the frequency of another one here, and mixes with it"):
+        with pytest.raises(
+            ValueError, match="branch 0 has the same frequency as another branch here, and mixes with it"
+        ):
             change(0)
     apart = np.ones((6, 6))
     apart[0, 1] = apart[1, 0] = 0.0

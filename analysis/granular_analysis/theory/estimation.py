@@ -1,20 +1,20 @@
-"""Least squares of parameters: values, 95 % intervals, correlations, and the parameters that data cannot tell apart.
+"""Least-squares estimates of parameters: values, 95 % intervals, correlations, and what the data cannot tell apart.
 
     minimise  Σ_i ρ(r_i²),   r_i(θ) = (model_i(θ) − measured_i)/σ_i
 
-A parameter that is positive is fitted as its logarithm, so that its interval stays positive. The covariance is (JᵀJ)⁻¹
-with the Jacobian J of the residuals at the minimum. If the errors σ_i are known, an interval is ±1.96 standard
-deviations; if they are not, all points have one error, which the residuals tell, and the interval is Student's.
+A positive parameter is fitted as its logarithm, so its interval stays positive. The covariance is (JᵀJ)⁻¹, with the
+Jacobian J of the residuals at the minimum. If the errors σ_i are known, an interval is ±1.96 standard deviations. If
+they are not, all points share one error, which follows from the residuals, and the interval is Student's.
 
-A combination of parameters whose standard deviation is above `WIDE`, a factor of e² of positive ones, is one that the
-data do not determine: the right singular vector of J that belongs to it names the parameters that it mixes. They have
-no interval. A search with a prior of that width about the start finds them; a second search without a prior moves only
-along the other right singular vectors. So of all values that meet the data alike those come out that lie nearest to the
-start, to first order: a parameter without effect stays there, and parameters of a product share the step.
+The data do not determine a combination of parameters if its standard deviation is above `WIDE`, a factor of e² for
+positive parameters. The combination is a right singular vector of J, which names the parameters that it mixes; they get
+no interval. A first search, with a prior of width `WIDE` about the start, finds these combinations. A second search,
+without a prior, moves only along the other right singular vectors. So, to first order, the estimate is, of all values
+that fit equally well, the nearest to the start: a parameter without effect stays at its start, and the parameters of a
+product share the step.
 
-When it breaks: an interval assumes that the model is linear over its own width, and that residuals are independent and
-Gaussian. A robust loss weighs outliers down; its intervals are then those of a
-Gaussian core.
+When it breaks: an interval assumes that the model is linear over the width of the interval, and that residuals are
+independent and Gaussian. A robust loss gives outliers less weight; its intervals are then those of a Gaussian core.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,19 +31,19 @@ Function = Callable[[Floats], Floats]
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 LOSSES: tuple[str, ...] = get_args(Loss)
 COVERAGE = 0.95
-WIDE = 2.0  # e-folds of a positive parameter, starts of another
-_REFUSED = 1e6  # times the residuals at the start, where the model has no value: the search steps back
-_BESIDE = 1e-5  # a step from the best values to which the model still must have one
-_GUESS = 0.01  # share of the largest value that an unknown error is at first
-_ROUNDING = 1e-10  # share of the guess: points without scatter have this error
+WIDE = 2.0  # in e-folds for a positive parameter, in units of the start for others
+_REFUSED = 1e6  # where the model has no value, residuals are this times those at the start: the search steps back
+_BESIDE = 1e-5  # the model must have a value up to this step from the best values
+_GUESS = 0.01  # first guess of an unknown error, as a share of the largest measured value
+_ROUNDING = 1e-10  # smallest unknown error, as a share of the guess, for points without scatter
 _NEAR, _EXACT = 1e-4, 1e-12  # tolerances of a search: relative changes of parameters and of the sum
-_MET = 1e-9  # of one with slopes: it ends within 1e-4 of an interval, before rounding of a model that is a run
-_MIXED = 0.05  # share of a singular vector below which a parameter is none of it
+_MET = 1e-9  # tolerance with a Jacobian: ends within 1e-4 of an interval, before the rounding of a model that is a run
+_MIXED = 0.05  # a parameter with a smaller share of a singular vector does not count as part of it
 
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
-    """A parameter: its name, where the fit starts, and its bounds.
+    """A parameter with its name, the start of the fit, and its bounds.
 
     Raises ValueError unless the start lies strictly between the bounds.
     """
@@ -59,21 +59,21 @@ class Parameter:
 
     @property
     def logarithmic(self) -> bool:
-        """True if it is positive, and fitted as its logarithm."""
+        """Return whether the parameter is positive, and so fitted as its logarithm."""
         return self.low >= 0
 
     def inner(self, value: float) -> float:
-        """Return the number that is fitted for a value: its logarithm, or its share of the start."""
+        """Return the fitted number for a value: its logarithm, or its ratio to |start|."""
         if self.logarithmic:
             return float(np.log(value)) if value > 0 else -np.inf
         return value / self._size
 
     def value(self, inner: float) -> float:
-        """Return the value of a number that is fitted."""
+        """Return the value for a fitted number."""
         return float(np.exp(inner)) if self.logarithmic else inner * self._size
 
     def slope(self, value: float) -> float:
-        """Return how fast the value changes with the number that is fitted."""
+        """Return the derivative of the value with respect to the fitted number."""
         return value if self.logarithmic else self._size
 
     @property
@@ -83,18 +83,18 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Parameters of least squares.
+    """Result of a least-squares fit.
 
     Attributes
     ----------
-    parameters : (P,)
-    values : (P,) at the minimum.
-    intervals : (P, 2) of 95 %; nan where the data determine a combination only.
-    correlations : (P, P); nan in the rows of such parameters.
-    residuals : (N,) in standard deviations σ_i; in those that the residuals tell where the errors were not known.
-    error : the one error of all points, in their unit, where errors were not known; else None.
-    freedom : the number of points less that of combinations of parameters that the data determine, which is the rank of
-        the Jacobian: a parameter that they do not determine meets no point.
+    parameters : (P,) parameters.
+    values : (P,) values at the minimum.
+    intervals : (P, 2) 95 % intervals; nan for a parameter that the data determine only in combination.
+    correlations : (P, P) correlations; nan in the rows of such parameters.
+    residuals : (N,) r_i; if errors were not known, in units of `error`.
+    error : the one error of all points, in their unit, if errors were not known; else None.
+    freedom : degrees of freedom: the number of points minus the rank of the Jacobian, which is the number of
+        combinations of parameters that the data determine.
     blind : groups of parameters that the data cannot tell apart; a group of one is a parameter without effect.
     """
 
@@ -109,7 +109,7 @@ class Estimate:
 
     @property
     def chi_squared(self) -> float:
-        """Return Σ r² over the degrees of freedom: 1 for a right model with right errors; nan without any."""
+        """Return Σ r² over the degrees of freedom: about 1 for a right model with right errors; nan if there are 0."""
         return float(np.sum(self.residuals**2) / self.freedom) if self.freedom else np.nan
 
 
@@ -121,23 +121,24 @@ def estimate(
     loss: Loss = "linear",
     jacobian: Callable[[Floats], Floats] | None = None,
 ) -> Estimate:
-    """Return the parameters with which a model meets measured values best.
+    """Return the parameters with which a model fits measured values best.
 
     Parameters
     ----------
-    parameters : P of them.
-    model : values (P,) → (N,) in the unit of the measured ones; nan where it has no value, which the search avoids.
-    measured : (N,).
-    errors : (N,) standard deviations; None: one unknown error for all.
-    loss : "linear" for plain least squares; the others of `scipy.optimize.least_squares` weigh down what is farther
-        than about one σ, and need errors.
-    jacobian : slopes of the model by its values, (P,) → (N, P); None: differences.
+    parameters : the P parameters.
+    model : values (P,) → (N,) in the unit of the measured values; nan where it has no value, which the search avoids.
+    measured : (N,) measured values.
+    errors : (N,) standard deviations; None: one unknown error for all points.
+    loss : "linear" for plain least squares; the other losses of `scipy.optimize.least_squares` ("soft_l1", "huber",
+        "cauchy") give less weight to points farther off than about one σ, and need errors.
+    jacobian : values (P,) → derivatives (N, P) of the model with respect to the values; None: differences.
 
     Raises
     ------
     ValueError
-        For fewer points than parameters, errors that are not positive, a robust loss without errors, a search that does
-        not end, and one that ends at a bound.
+        For fewer points than parameters (one more if the error is unknown), errors that are not positive, a robust loss
+        without errors, a search that does not end, and one that ends at a bound or where the model ceases to have a
+        value.
     """
     data = np.asarray(measured, dtype=float)
     names = ", ".join(each.name for each in parameters)
@@ -145,7 +146,7 @@ def estimate(
         more = " and their error" if errors is None else ""
         raise ValueError(f"{len(data)} points do not determine {len(parameters)} keys{more} ({names})")
     if loss != "linear" and errors is None:
-        raise ValueError(f"loss = {loss!r}: needs the errors of the points, which say what an outlier is")
+        raise ValueError(f"loss = {loss!r}: needs the errors of the points, to tell what an outlier is")
     search = _Search(tuple(parameters), model, data, loss, jacobian)
     if errors is None:
         guess = _GUESS * (float(np.abs(data).max()) or 1.0)
@@ -159,7 +160,7 @@ def estimate(
 
 
 class _Minimum(NamedTuple):
-    """Fitted numbers (P,), residuals (N,), their Jacobian (N, P), and right singular vectors that data determine."""
+    """Minimum: fitted numbers (P,), residuals (N,), their Jacobian (N, P), and singular vectors that data determine."""
 
     inner: Floats
     residuals: Floats
@@ -178,7 +179,7 @@ class _Minimum(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """A search for the minimum, as `estimate` is asked for it."""
+    """A search for the minimum, with the arguments of `estimate`."""
 
     parameters: tuple[Parameter, ...]
     model: Callable[[Floats], Floats]
@@ -203,7 +204,7 @@ class _Search:
             sizes = [each.slope(value) for each, value in zip(self.parameters, values, strict=True)]
             return np.asarray(self.jacobian(values) * sizes / sigma[:, None])
 
-        convex: Loss = "linear" if self.loss == "linear" else "soft_l1"  # one minimum; that of "cauchy" is near it
+        convex: Loss = "linear" if self.loss == "linear" else "soft_l1"  # it has one minimum, near that of "cauchy"
         prior = np.eye(len(start)) / WIDE
         held = self._solved(
             lambda inner: np.append(residuals(inner), (inner - start) / WIDE),
@@ -224,20 +225,20 @@ class _Search:
         return _Minimum(found, residuals(found), jacobian, seen)
 
     def _ends(self, inner: Floats) -> NDArray[np.bool_]:
-        """Return whether the model has no value next to what is fitted, (P,)."""
+        """Return for each parameter, (P,), whether the model has no value a small step of it away."""
         steps = np.array([inner + way * _BESIDE * row for row in np.eye(len(inner)) for way in (-1, 1)])
         lost = [not np.isfinite(self.model(self.values(each))).all() for each in steps]
         return np.any(np.reshape(lost, (-1, 2)), axis=1, keepdims=False)
 
     def _refuse_edges(self, there: NDArray[np.bool_], inner: Floats) -> None:
-        """Raise ValueError for parameters that the search drives to a bound, or to where the model has no value."""
+        """Raise ValueError if the search ends at a bound of parameters, or where the model ceases to have a value."""
         if there.any():
             ends = zip(self.parameters, self.values(inner), there, strict=True)
             said = ", ".join(f"{each.name} = {value:.6g}" for each, value, at in ends if at)
-            raise ValueError(f"the best values lie beyond what is allowed, at {said}; take another model or branch")
+            raise ValueError(f"the best values lie beyond the allowed range, at {said}; take another model or branch")
 
     def values(self, inner: Floats) -> Floats:
-        """Return the values of what is fitted."""
+        """Return the values for fitted numbers."""
         return np.array([each.value(x) for each, x in zip(self.parameters, inner, strict=True)])
 
     def _solved(self, residuals: Function, slopes: Function, start: Floats, loss: Loss, tolerance: float) -> Any:
@@ -251,7 +252,7 @@ class _Search:
         return found
 
     def judged(self, found: _Minimum, unit: float | None = None) -> Estimate:
-        """Return the estimate of a minimum; `unit` is that of the residuals, where the error is not known."""
+        """Return the estimate at a minimum; `unit` is the unit of the residuals if the error is not known."""
         width, spread = float(ndtri(0.5 + COVERAGE / 2)), 1.0
         if unit is not None:
             spread = max(found.scatter, _ROUNDING)
@@ -274,7 +275,7 @@ class _Search:
 
 
 def _groups(null: Floats, names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return the parameters that a projector (P, P) mixes, each group together."""
+    """Return the groups of parameters that a projector (P, P) mixes."""
     mixed = np.abs(null) > _MIXED**2
     groups: list[set[int]] = []
     for row in np.flatnonzero(np.diag(mixed)):

@@ -1,26 +1,27 @@
-"""Images by least squares: the many values that meet a record, and vary no more than the record demands.
+"""Images by least squares: many values that fit a record and vary no more than the record demands.
 
     minimise  χ²(p) + w P(p),    χ² = Σ_i r_i²(p) of N points
 
-over values p, which are 1 where nothing differs, with one of the penalties P
+over values p, which are 1 where the crystal is as assumed, with one of the penalties P
 
     Tikhonov   Σ_k (p_k − 1)²                                  small differences everywhere
     Variation  Σ_{k~l} (√((p_k − p_l)² + ε²) − ε)              few edges: the total variation, rounded over ε
 
-The weight w falls by steps of √10 from one at which p is nearly 1 everywhere, and each search begins with the values
-before it. Where the errors of the points are known, steps are 10, and w is that at which χ² = N: the discrepancy
-principle. Where they are not, or χ² stays above N, it is the corner of the curve of log P over log χ²: the point of
-largest curvature of the circle through it and its two neighbours.
+The weight w starts where p is nearly 1 everywhere and falls step by step; each search starts from the values of the
+one before. If the errors of the points are known, w falls by factors of 10, and the chosen w is that with χ² = N (the
+discrepancy principle). If they are unknown, w falls by factors of √10. Then, or if χ² stays above N, the chosen w is
+the corner of the curve of log P over log χ² (the L-curve): the point at which the circle through it and its two
+neighbours has the largest curvature.
 
-A search is SciPy's L-BFGS-B with the exact gradient, in coordinates in which H + w P'' is the unit matrix; H = 2 JᵀJ is
-the curvature of χ² where p = 1, which need not be exact, and P'' of the variation that of its lagged diffusion.
+A search is SciPy's L-BFGS-B with the exact gradient, in coordinates in which H + w P'' is the unit matrix. H = 2 JᵀJ is
+the curvature of χ² at p = 1 and need not be exact; P'' of the variation is that of its lagged diffusion.
 
-To first order the image of p is A⁻¹G (p − 1) with G = JᵀJ and A = G + w P''/2, and the errors of the points make a
-covariance A⁻¹GA⁻¹ of it. A column of A⁻¹G is the image of a point; its width is the root (in space the cube root) of
-the number of spheres that it covers, (Σ R²)²/Σ R⁴ values.
+To first order the image of p is A⁻¹G (p − 1) with G = JᵀJ and A = G + w P''/2, and its covariance from the errors of
+the points is A⁻¹GA⁻¹. A column of R = A⁻¹G is the image of a single point. It covers (Σ R²)²/Σ R⁴ values; its width is
+the square root (in space the cube root) of the number of spheres that it covers.
 
-Good values: a tenth to a half of the differences that are looked for as ε. When it breaks: χ² has several minima where
-a change shifts an arrival by more than half a period. A value that no wave meets stays 1, or is what lies around it.
+Good values: ε from a tenth to a half of the differences to be found. When it breaks: if a change shifts an arrival by
+more than half a period, χ² has several minima. A value that no wave reaches stays 1, or takes the value around it.
 
 Sources: V. A. Morozov, Soviet Math. Dokl. 7, 414 (1966); P. C. Hansen, SIAM Review 34, 561 (1992); A. Cultrera and
 L. Callegaro, IOP SciNotes 1, 025004 (2020), the curvature by three points; C. R. Vogel and M. E. Oman, SIAM J. Sci.
@@ -41,18 +42,18 @@ from granular_analysis.theory.errors import TheoryError
 Floats = NDArray[np.float64]
 Misfit = Callable[[Floats], tuple[float, Floats]]
 ROUNDING = 0.02  # ε
-STEP, KNOWN_STEP = 10**0.5, 10.0  # between two weights
-WEIGHTS = 31  # at most, over fifteen decades
-SLOW = 0.02  # relative fall of χ² in two steps at which a curve ends
-NEAR = 0.03  # |χ²/N − 1| that is met
-_GRADIENTS = 40  # of one weight
-_ENOUGH = 1e-4  # relative fall of what is minimised, at which a search ends
-_SAME = 1e-9  # relative difference of weights that are one: another number of threads rounds sums otherwise
-_TURNS = 6  # searches for the weight between two
+STEP, KNOWN_STEP = 10**0.5, 10.0  # ratio of two successive weights
+WEIGHTS = 31  # most weights, over fifteen decades
+SLOW = 0.02  # an L-curve ends when χ² falls by less than this share in two steps
+NEAR = 0.03  # largest |χ²/N − 1| that counts as χ² = N
+_GRADIENTS = 40  # most gradients for one weight
+_ENOUGH = 1e-4  # a search ends when the minimised sum falls by less than this share
+_SAME = 1e-9  # weights within this relative difference are equal: sums round differently on other numbers of threads
+_TURNS = 6  # most searches for the weight with χ² = N between two weights
 
 
 class Penalty(Protocol):
-    """A penalty: its value and gradient, and a curvature (P, P) that is nowhere negative."""
+    """A penalty with its gradient (P,), and a positive semidefinite curvature (P, P)."""
 
     def __call__(self, values: Floats) -> tuple[float, Floats]: ...  # noqa: D102
 
@@ -60,26 +61,26 @@ class Penalty(Protocol):
 
 
 class Tikhonov:
-    """Σ (p − 1)²."""
+    """Penalty Σ (p − 1)²."""
 
     def __call__(self, values: Floats) -> tuple[float, Floats]:
-        """Return it and its gradient."""
+        """Return the penalty and its gradient (P,)."""
         away = values - 1
         return float(away @ away), 2 * away
 
     def curvature(self, values: Floats) -> Floats:
-        """Return its Hessian."""
+        """Return its Hessian (P, P)."""
         return 2 * np.eye(len(values))
 
 
 class Variation(NamedTuple):
-    """The total variation over pairs (E, 2) of neighbours, rounded over ε."""
+    """Total variation over pairs (E, 2) of neighbours, rounded over ε (`rounding`)."""
 
     pairs: NDArray[np.intp]
     rounding: float = ROUNDING
 
     def __call__(self, values: Floats) -> tuple[float, Floats]:
-        """Return it and its gradient."""
+        """Return the penalty and its gradient (P,)."""
         (first, second), count = self.pairs.T, len(values)
         steps = values[first] - values[second]
         sizes = np.hypot(steps, self.rounding)
@@ -89,7 +90,7 @@ class Variation(NamedTuple):
         return float(np.sum(sizes - self.rounding)), slopes
 
     def curvature(self, values: Floats) -> Floats:
-        """Return the matrix of its lagged diffusion."""
+        """Return the matrix (P, P) of its lagged diffusion."""
         first, second = self.pairs.T
         stiff = 1 / np.hypot(values[first] - values[second], self.rounding)
         found = np.zeros((len(values), len(values)))
@@ -99,7 +100,9 @@ class Variation(NamedTuple):
 
 
 def corner(misfits: ArrayLike, penalties: ArrayLike) -> int:
-    """Return the index of the corner of an L-curve, the points by falling weights: the most convex of those between.
+    """Return the index of the corner of an L-curve: its most convex point, the ends excluded.
+
+    misfits, penalties : χ² and P of the points, by falling weight.
 
     Raises ValueError for fewer than three points.
     """
@@ -109,12 +112,12 @@ def corner(misfits: ArrayLike, penalties: ArrayLike) -> int:
     one, other = points[1:-1] - points[:-2], points[2:] - points[1:-1]
     turn = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     sides = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1) * np.linalg.norm(one + other, axis=1)
-    # By falling weights the curve leads to the left and up, so that a corner turns it clockwise
+    # As weights fall, the curve leads to the left and up, so it turns clockwise at a corner
     return 1 + int(np.argmax(-turn / np.maximum(sides, np.finfo(float).tiny)))
 
 
 class Trial(NamedTuple):
-    """Image of one weight: its values (P,), χ² and penalty, and how many gradients it took."""
+    """Image for one weight: its values (P,), χ² and penalty, and the number of gradients that it took."""
 
     weight: float
     values: Floats
@@ -125,14 +128,14 @@ class Trial(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """Images of all weights that were tried, in their order, and which one is chosen, with the reason.
+    """Images for all weights that were tried, and the choice among them.
 
     Attributes
     ----------
-    search : Search
-    trials : sequence of Trial
-    chosen : int
-    reason : str
+    search : search that made them.
+    trials : the images, in the order of the search.
+    chosen : index of the chosen image.
+    reason : reason of the choice, for a log.
     """
 
     search: "Search"
@@ -142,7 +145,7 @@ class Image:
 
     @property
     def best(self) -> Trial:
-        """Return the trial that is chosen."""
+        """Return the chosen trial."""
         return self.trials[self.chosen]
 
     @property
@@ -152,14 +155,14 @@ class Image:
 
     @property
     def chi_squared(self) -> float:
-        """Return χ² a point, 1 for a right model with right errors."""
+        """Return χ² per point, about 1 for a right model with right errors."""
         return self.best.misfit / self.search.points
 
     def resolution(self) -> tuple[Floats, Floats]:
-        """Return the resolution (P, P), whose columns are images of points, and standard deviations (P,) by errors.
+        """Return the resolution (P, P), whose columns are images of points, and the standard deviations (P,).
 
-        Both are of first order. Where errors of points are unknown, or χ² is above 1 a point, they are taken to be
-        those at which it is 1.
+        Both are of first order. If the errors of the points are unknown, or χ² is above 1 per point, they are scaled to
+        make χ² 1 per point.
         """
         resolved, errors = resolution(
             self.search.curvature, self.search.penalty.curvature(self.values), self.best.weight
@@ -169,7 +172,7 @@ class Image:
 
 
 def resolution(curvature: Floats, penalty: Floats, weight: float) -> tuple[Floats, Floats]:
-    """Return the resolution A⁻¹G (P, P) and the standard deviations (P,) of H = 2G, P'' and w."""
+    """Return the resolution A⁻¹G (P, P) and the standard deviations (P,), from H = 2G, P'' and w."""
     whole = cho_factor(curvature + weight * penalty)
     found = cho_solve(whole, curvature)
     covariance = cho_solve(whole, 2 * found.T)
@@ -177,7 +180,14 @@ def resolution(curvature: Floats, penalty: Floats, weight: float) -> tuple[Float
 
 
 def widths(resolved: Floats, each: float, dimension: int) -> Floats:
-    """Return the width of the image of each point, (P,), in spheres, of which each has so many values."""
+    """Return the width of the image of each point, (P,), in spheres.
+
+    Parameters
+    ----------
+    resolved : (P, P) resolution.
+    each : number of values per sphere.
+    dimension : 2 or 3.
+    """
     squares = resolved**2
     count = squares.sum(axis=0) ** 2 / np.maximum((squares**2).sum(axis=0), np.finfo(float).tiny)
     return np.asarray((count / each) ** (1 / dimension))
@@ -185,18 +195,18 @@ def widths(resolved: Floats, each: float, dimension: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """A sum of misfit and penalty that is minimised.
+    """Minimisation of the sum of misfit and penalty.
 
     Attributes
     ----------
-    misfit : values (P,) → χ² and its gradient.
+    misfit : values (P,) → χ² and its gradient (P,).
     curvature : (P, P) H.
-    points : N
-    penalty : Penalty
-    bounds : of all values.
+    points : number N of points.
+    penalty : penalty P.
+    bounds : lower and upper bound of all values.
     known : whether the errors of the points are known.
-    told : called with each trial, for a log.
-    kept : trials of the same search that were made before. As each follows from those before, the search continues as
+    told : callback for each trial.
+    kept : trials made before, in the same search. Each trial follows from those before it, so the search continues as
         if it had not been stopped.
     """
 
@@ -210,14 +220,14 @@ class Search:
     kept: Sequence[Trial] = ()
 
     def image(self, start: Floats) -> Image:
-        """Return the image; the search begins with values (P,).
+        """Return the image; the search starts from the values `start` (P,).
 
-        Raises ValueError if χ² does not depend on any value, and TheoryError for a kept trial of another weight than
-        the search asks for: another version, or another machine, made it.
+        Raises ValueError if χ² depends on no value, and TheoryError if a kept trial has another weight than this search
+        asks for, because another version or another machine made it.
         """
         largest = float(np.diag(self.curvature).max())
         if not largest:
-            raise ValueError("the records do not depend on any value that is looked for: no wave comes by")
+            raise ValueError("the records do not depend on any of the values to be found: no wave reaches them")
         trials: list[Trial] = []
         weight = largest
         while len(trials) < WEIGHTS:
@@ -234,12 +244,12 @@ class Search:
         return Image(self, trials, chosen, said)
 
     def _ends(self, trials: Sequence[Trial]) -> bool:
-        """Return whether χ² has fallen far, and falls no more."""
+        """Return whether χ² has fallen to less than half, and hardly falls any more."""
         before, last = trials[-3].misfit, trials[-1].misfit
         return before - last < SLOW * before and last < 0.5 * trials[0].misfit
 
     def _between(self, trials: list[Trial]) -> Image:
-        """Return the image whose χ² is N, between the last two weights, by regula falsi in their logarithms."""
+        """Return the image with χ² = N, between the last two weights, by regula falsi in logarithms."""
         said = "chi2 is 1 a point"
         if len(trials) == 1:
             return Image(self, trials, 0, f"{said} or less without any difference")
@@ -262,7 +272,7 @@ class Search:
         if number < len(self.kept):
             trial = self.kept[number]
             if abs(trial.weight - weight) > _SAME * weight:
-                raise TheoryError(f"trial {number + 1} that was kept is of another weight; begin anew")
+                raise TheoryError(f"kept trial {number + 1} has another weight than this search; begin anew")
         else:
             trial = self._made(weight, start)
         self.told(trial)

@@ -1,7 +1,7 @@
-"""DOP853 of Hairer, Nørsett and Wanner, by SciPy, for arrays of any shape, real or complex, at the times asked for.
+"""SciPy's DOP853 of Hairer, Nørsett and Wanner, for real or complex states of any shape, with output at given times.
 
-SciPy sums the stages by BLAS, which may hand states of a few hundred complex numbers to all its threads: on a busy
-machine the scripts of this package take one (`granular_analysis`).
+SciPy sums the stages by BLAS, which may spread a state of a few hundred complex numbers over all its threads. That is
+slow on a busy machine, so the scripts of this package use one thread (`granular_lmp.cli.entry`).
 """
 
 from collections.abc import Callable
@@ -21,11 +21,12 @@ def dop853(derivative: Derivative, start: Array, tau: Floats, rtol: float, atol:
 
     Parameters
     ----------
-    derivative : of a state, a new array like `start`.
-    rtol, atol : error per step, the root mean square over the numbers of a state.
+    derivative : state → its time derivative, a new array of the shape of `start`.
+    tau : (T,) times.
+    rtol, atol : relative and absolute error per step, root mean square over the numbers of a state.
     longest : largest step.
 
-    Raises RuntimeError when the step has fallen to rounding, or a state is not finite.
+    Raises RuntimeError if the step shrinks to the rounding of τ, or if a state is not finite.
     """
     result = np.empty((len(tau), start.size), dtype=start.dtype)
     done = int(np.searchsorted(tau, 0.0, side="right"))
@@ -43,19 +44,19 @@ def dop853(derivative: Derivative, start: Array, tau: Floats, rtol: float, atol:
 
 
 def of_state(derivative: Derivative, start: Array) -> Slope:
-    """Return the slope of packed states (n,) of the shape of a start."""
+    """Return the slope y'(t, y) of packed states y (n,), for a derivative of states of the shape of `start`."""
     return lambda _, numbers: derivative(numbers.reshape(start.shape)).ravel()
 
 
 def solver_of(slope: Slope, time: float, start: Array, end: float, **options: Any) -> Any:
-    """Return SciPy's solver of y' = slope(t, y) for y (n,) from a time to an end, with its options, for `step`."""
+    """Return SciPy's solver of y' = slope(t, y), for y (n,) from `time` to `end`; advance it by `step`."""
     from scipy.integrate import DOP853  # slow to import, and only motions need it
 
     return DOP853(slope, time, start, end, **options)
 
 
 def step(solver: Any) -> None:
-    """Make one step of a solver; RuntimeError when it has fallen to rounding, or a state is not finite."""
+    """Make one step of a solver; raise RuntimeError if the step shrinks to rounding or a state is not finite."""
     solver.step()
     if solver.status == "failed":
         raise RuntimeError(

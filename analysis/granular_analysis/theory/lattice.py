@@ -1,39 +1,51 @@
-"""The paper's lattice with its full contact laws, integrated in time: the witness that knows no perturbation theory.
+"""The paper's lattice with its full contact laws, integrated in time: a witness without perturbation theory.
 
 Displacements are in units of Δ0: p along the wave, q along ẑ × k (q = −u for a wave along y), φ = Rθ. A sphere has
-three contacts ahead, in the directions n of 0°, 60° and 120° from a close-packed row, and three behind. With d = ahead
-− here of (p, q), σ = φ₊ + φ, the tangent t = ẑ × n, D X = X_n − X_{n−1} and S X = X_n + X_{n−1} along each bond,
+three contacts ahead, in the directions n at 0°, 60° and 120° to a close-packed row, and three behind. Let d be (p, q)
+of the sphere ahead minus that of the sphere itself, σ = φ₊ + φ, and t = ẑ × n the tangent; along each bond, let
+D X = X_n − X_{n−1} and S X = X_n + X_{n−1}. Then
 
     stretch x = n·d          normal force  N = (2/3)(1 − (1−x)₊^{3/2})     [springN; in units of k1Δ0]
     slip    s = t·d − σ      shear force   S = κ s (1−x)₊^{1/2}            (Eq. 5)
 
     (p, q)'' = C Σ_bonds D[n N + t S],    Ĩφ'' = C Σ_bonds S[S],    C = 1/(2(κ+3))
 
-Along y the bonds of 60° and 120° lead to the next row, with n = (√3, ∓1)/2, and that of 0° stays within the row: these
-are equ, eqv, eqphi of the paper. The paper prints √(3/2) for the factor √3/2 and v6 − v6 for v6 − v0 in δ_6,S.
+Along y the bonds at 60° and 120° lead to the next row, with n = (√3, ∓1)/2, and the bond at 0° stays within the row:
+these are equ, eqv, eqphi of the paper. The paper prints √(3/2) in place of √3/2, and v6 − v6 in place of v6 − v0 in
+δ_6,S.
 
-Three departures can be asked for. `incremental`: the shear force grows with the slip, dS = κ(1−x)₊^{1/2} ds, and does
-not follow later changes of the overlap (LAMMPS mindlin/force). `potential`: the shear energy ½κs²(1−x)₊^{1/2} also acts
-on the normal force, N → N − ¼κs²(1−x)^{−1/2} while the contact is closed, which makes the lattice conservative.
-`overlap_ratio` η = Δ0/2R > 0: contacts have their true direction and length, as in LAMMPS. Slip is then no function of
-the configuration (so it has no `potential`) and is integrated as a state,
+**Departures from the paper** are members of `granular_analysis.theory.contact.Contact`:
 
-    ds/dτ = (tangent of now)·(relative velocity) − (φ'₊ + φ'),     torque = S·[1 − η(1−x)₊]     (lever arm R − δ/2)
+`law` "incremental": the shear force grows with the slip, dS = κ(1−x)₊^{1/2} ds, and does not follow later changes of
+the overlap (LAMMPS mindlin/force).
 
-Its start is what one force-free step from equilibrium leaves in LAMMPS: the displacement along the final tangent.
+`law` "potential": the shear energy ½κs²(1−x)₊^{1/2} also acts on the normal force, N → N − ¼κs²(1−x)^{−1/2} while the
+contact is closed, which makes the lattice conservative.
 
-`adhesion_law` "jkr" puts another N(x), and another contact radius for (1−x)₊^{1/2}
+`overlap_ratio` η = Δ0/2R > 0: contacts have their true direction and length, as in LAMMPS. The slip is then no function
+of the configuration, so `law` "potential" is refused, and the slip is integrated as a state,
+
+    ds/dτ = (present tangent)·(relative velocity) − (φ'₊ + φ'),     torque = S·[1 − η(1−x)₊]     (lever arm R − δ/2)
+
+It starts as LAMMPS leaves it after one force-free step from equilibrium: the displacement along the final tangent.
+
+`adhesion_law` "jkr": N(x) is that of JKR, and the JKR contact radius replaces (1−x)₊^{1/2}
 (`granular_analysis.theory.adhesion`).
 
-And the physics a scene calls for (`granular_analysis.theory.contact.Contact`). `prestress`: adhesion holds the lattice
-at 0, compression at 1; the contacts at rest push with F0 = (2/3)·prestress, N → N − F0, which cancels unless the
-normals turn (η > 0). `shear`, `rotation`: without, S = 0; φ = 0, whose Ĩ is infinite, but as a number that would make
-0·∞ of Ĩφ'². `viscosity` c (in m/t0, t0 the unit of τ): every closed contact has a dashpot along its normal and, if it
-resists shear, one along its tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c ds/dτ (LAMMPS damping velocity).
-`restitution`: the same with c ∝ (1−x)^{1/4} (LAMMPS damping coeff_restitution; see `damping`).
+`prestress`: adhesion holds the lattice at 0, compression at 1. The contacts at rest push with F0 = (2/3)·prestress, N →
+N − F0, which cancels unless the normals turn (η > 0).
 
-Breaks when contacts open for long: the paper's law keeps the adhesive force at any distance (with prestress = 1 there
-is none), and shear springs are kept, a slip or under `incremental` a force, where LAMMPS forgets them.
+`shear` False sets S = 0. `rotation` False sets φ = 0; it is a flag, since an infinite Ĩ would make Ĩφ'² = 0·∞.
+
+`viscosity` c (in m/t0, t0 the unit of τ): every closed contact has a dashpot along its normal and, if it resists shear,
+one along its tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c ds/dτ (LAMMPS damping velocity).
+
+`restitution`: the same with c ∝ (1−x)^{1/4} (LAMMPS damping coeff_restitution;
+`granular_analysis.theory.contact.restitution_viscosity`).
+
+When it breaks: if contacts stay open for long. The paper's law keeps the adhesive force at any distance (with
+prestress = 1 there is none). An open contact also keeps its slip, or under the incremental law its shear force, where
+LAMMPS forgets it.
 """
 
 from typing import NamedTuple
@@ -52,16 +64,17 @@ Floats = NDArray[np.float64]
 
 
 class Touching(NamedTuple):
-    """The contacts ahead as the places and velocities of a state make them, before their forces; bonds before spheres.
+    """Deformation of the contacts ahead in a state, before their forces; the axis of bonds is before that of spheres.
 
     Attributes
     ----------
-    apart : n·d, t·d, σ (..., 3, 3, K) along the directions at rest, as of `neighbours.Neighbours.deform`.
-    rates : the same of the velocities, where those matter; empty elsewhere.
-    turned : cos and sin (..., 3, K) of the angle by which the contact has turned, None where its direction is fixed.
-    stretch : x (..., 3, K).
-    overlap, root : (1−x)₊, and its root: the radius of the contact, (..., 3, K). In the JKR law an overlap may be
-        negative, and the radius is another function of it (`granular_analysis.theory.adhesion`).
+    apart : (..., 3, 3, K) n·d, t·d, σ along the directions at rest, as from `neighbours.Neighbours.deform`.
+    rates : (..., 3, 3, K) the same for the velocities; equal to `apart` where velocities do not matter.
+    turned : cos and sin (..., 3, K) of the angle by which the contact has turned; None if its direction is fixed.
+    stretch : (..., 3, K) x.
+    overlap : (..., 3, K) (1−x)₊; a JKR contact may have a negative overlap.
+    root : (..., 3, K) contact radius, which is the root of the overlap except for JKR
+        (`granular_analysis.theory.adhesion`).
     """
 
     apart: Floats
@@ -72,17 +85,17 @@ class Touching(NamedTuple):
     root: Floats
 
     def _along(self, apart: Floats) -> Floats:
-        """Return the component of d along the contact's direction of now."""
+        """Return the component of d along the present direction of the contact."""
         along, across = apart[..., 0, :, :], apart[..., 1, :, :]
         return along if self.turned is None else self.turned[0] * along + self.turned[1] * across
 
     def _slid(self, apart: Floats) -> Floats:
-        """Return t·d − σ with the contact's tangent of now."""
+        """Return t·d − σ with the present tangent of the contact."""
         along, across, turning = apart[..., 0, :, :], apart[..., 1, :, :], apart[..., 2, :, :]
         return (across if self.turned is None else self.turned[0] * across - self.turned[1] * along) - turning
 
     def slip(self) -> Floats:
-        """Return s (..., 3, K) as the places make it; with η > 0 the slip is no function of them."""
+        """Return s (..., 3, K) from the positions, which holds for η = 0 and at the start."""
         return self._slid(self.apart)
 
     def slip_rate(self) -> Floats:
@@ -94,13 +107,13 @@ class Touching(NamedTuple):
         return self._along(self.rates)
 
     def shear_rate(self, contact: Contact) -> Floats:
-        """Return the rate of the contacts' own state: of the slip, or of the force of the incremental law."""
+        """Return the rate of the state of the contacts: the slip, or the shear force under the incremental law."""
         return contact.shear_stiffness * self.root * self.slip_rate() if contact.incremental else self.slip_rate()
 
 
 def touching(state: Floats, contact: Contact, neighbours: Neighbours) -> Touching:
-    """Return the contacts ahead of the spheres of a state; arguments as of `rhs`."""
-    # Velocities are asked for only where they matter: where slip is a state, and where there is damping.
+    """Return the deformation of the contacts ahead in a state; parameters as for `rhs`."""
+    # Velocities matter only if slip is a state or contacts have dashpots
     kinds = 2 if contact.has_history or contact.dashpot else 1
     places = state[..., : 3 * kinds, :]
     apart = neighbours.deform(places.reshape(*places.shape[:-2], kinds, 3, places.shape[-1]))
@@ -108,15 +121,15 @@ def touching(state: Floats, contact: Contact, neighbours: Neighbours) -> Touchin
 
 
 def as_placed(apart: Floats, rates: Floats, contact: Contact) -> Touching:
-    """Return the contacts by n·d, t·d, σ along the directions at rest, and the rates of these.
+    """Return the deformation of contacts from n·d, t·d, σ along the directions at rest, and from their rates.
 
-    With η > 0 the vector between centres is r = ℓ n + d, ℓ = 1/η − 1, and x = |r| − ℓ.
+    With η > 0 the vector between the centres is r = ℓ n + d, ℓ = 1/η − 1, and x = |r| − ℓ.
     """
     along, across = apart[..., 0, :, :], apart[..., 1, :, :]
     stretch, turned = along, None
     if contact.overlap_ratio:
         length = 1 / contact.overlap_ratio - 1
-        # |r|² − ℓ², from which x follows without the four digits by which ℓ exceeds it
+        # x from |r|² − ℓ², which keeps the four digits that |r| − ℓ would lose
         ahead = length + along
         excess = (length + ahead) * along + across * across
         distance = np.sqrt(length**2 + excess)
@@ -126,7 +139,7 @@ def as_placed(apart: Floats, rates: Floats, contact: Contact) -> Touching:
 
 
 def accelerations(state: Floats, now: Touching, contact: Contact, neighbours: Neighbours) -> Floats:
-    """p'', q'', φ'' (..., 3, K) of a state with the contacts `now`: the equations at the top of this module."""
+    """Return p'', q'', φ'' (..., 3, K) of a state with the contacts `now`: the equations at the top of this module."""
     overlap, root = now.overlap, now.root
     normal = contact.adhesion.pull(overlap, root)
     if contact.has_history:
@@ -155,14 +168,14 @@ def accelerations(state: Floats, now: Touching, contact: Contact, neighbours: Ne
 
 
 def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
-    """Time derivative of the state: its velocities, its `accelerations`, and the rate of the contacts' shear.
+    """Return the time derivative of a state: its velocities, its `accelerations`, and the rate of its shear.
 
     Parameters
     ----------
-    state : (..., 6, K): p, q, φ, p', q', φ' of K spheres, displacements in Δ0; (..., 9, K) for a contact with history,
-        whose last three are the slip s (secant) or shear force S (incremental, in k1Δ0) of the contacts ahead.
-    contact : the contact's constants.
-    neighbours : what the contacts feel of the spheres and do to them.
+    state : (..., 6, K) p, q, φ, p', q', φ' of K spheres, displacements in Δ0; (..., 9, K) if the contact has a history,
+        where the last three are the slip s (secant) or shear force S (incremental, in k1Δ0) of the contacts ahead.
+    contact : constants of all contacts.
+    neighbours : maps between spheres and contacts.
     """
     now = touching(state, contact, neighbours)
     rate = np.empty(state.shape, dtype=state.dtype)
@@ -174,7 +187,10 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
 
 
 def initial_state(mode: Mode, amplitude: ArrayLike, phases: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
-    """State (..., 6 or 9, K) of a mode with amplitudes D0/Δ0 (...) at τ=0, ϑ = phases (K,) (Eqs. 17, 20, 21)."""
+    """Return the state (..., 6 or 9, K) at τ=0 of a mode with amplitudes D0/Δ0 (...) and phases ϑ (K,).
+
+    Source: Eqs. 17, 20, 21 of the paper.
+    """
     cos, sin = np.cos(phases), np.sin(phases)
     omega = mode.frequency
     moving = np.stack(
@@ -184,7 +200,7 @@ def initial_state(mode: Mode, amplitude: ArrayLike, phases: Floats, contact: Con
 
 
 def with_shear(moving: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
-    """Return the state (..., 6, K), with the rows of the contacts' shear appended where the contact has a history."""
+    """Return the state (..., 6, K), with three rows of shear appended if the contact has a history."""
     if not contact.has_history:
         return moving
     apart = neighbours.deform(moving[..., None, :3, :])[..., 0, :, :, :]
@@ -199,17 +215,17 @@ REACH = 5.0  # see `longest_step`
 
 
 def longest_step(contact: Contact) -> float:
-    """Return the longest step of τ over which DOP853 lets no free motion of the lattice grow, whatever its wavenumber.
+    """Return the longest step of τ with which DOP853 lets no free motion of the lattice grow, at any wavenumber.
 
         h = REACH/λ,   λ = β/2 + √(Ω² + β²/4),   Ω² = max(3(1+κ), 6κ/Ĩ)/(κ+3),   β = c max(12, 12/Ĩ)
 
-    λ bounds every rate of the linear lattice. Ω² bounds its squared frequencies (that of RT at ξ=0 is 6κ/Ĩ(κ+3) at
-    η=0), since x² ≤ 2(n·u₊)² + 2(n·u)² and s² ≤ 2(t·u₊ − φ₊)² + 2(t·u + φ)² in the energy of a contact, and the three
-    bonds have Σ n n = 3/2; β bounds the dashpots in the same way. Prestress and η only lower them.
+    λ bounds every rate of the linear lattice. Ω² bounds its squared frequencies (RT at ξ=0 has Ω² = 6κ/Ĩ(κ+3) at η=0),
+    since the energy of a contact has x² ≤ 2(n·u₊)² + 2(n·u)² and s² ≤ 2(t·u₊ − φ₊)² + 2(t·u + φ)², and the three bonds
+    have Σ n n = 3/2. β bounds the dashpots in the same way. Prestress and η only lower the rates.
 
-    Where |λh| < 5.96 in the left half-plane, DOP853 damps e^{λτ} or keeps it. REACH is less, since contacts under
-    pressure are stiffer: up to twice the overlap at rest, (5.96/REACH)⁴, is within it. Without such a bound the error
-    control lets a long L wave take steps of 17 τ, which make φ out of rounding.
+    DOP853 lets no e^{λτ} grow if |λh| < 5.96 in the left half-plane. REACH is smaller, since contacts under pressure
+    are stiffer: it covers overlaps up to (5.96/REACH)⁴, twice that at rest. Without this bound, error control would
+    allow steps of 17 τ in a long L wave, and φ would grow out of rounding.
     """
     kappa = contact.shear_stiffness
     squared, damping = 3 * (1 + kappa), 12.0 if contact.shear else 6.0
@@ -228,11 +244,16 @@ def integrate(
     scale: float,
     longest: float,
 ) -> Floats:
-    """States (T, …) of y' = derivative(y) from y(0) = start at the times tau, by DOP853 with errors of rtol·scale.
+    """Return the states (T, …) of y' = derivative(y), y(0) = start, at the times tau, by DOP853.
 
-    longest is the largest step that is taken, `longest_step` of the lattice.
+    Parameters
+    ----------
+    tau : (T,) ascending times ≥ 0.
+    rtol, scale : errors per step are rtol times the state, plus rtol·scale.
+    longest : largest step; see `longest_step`.
 
-    Raises ValueError unless tau is one-dimensional, ascending and not negative, RuntimeError if the integration fails.
+    Raises ValueError unless tau is one-dimensional, not empty, ascending and not negative, RuntimeError if the
+    integration fails.
     """
     tau = np.asarray(tau, dtype=float)
     if tau.ndim != 1 or tau.size == 0 or tau[0] < 0 or np.any(np.diff(tau) <= 0):
@@ -243,28 +264,28 @@ def integrate(
 def motion(
     start: Floats, contact: Contact, neighbours: Neighbours, tau: ArrayLike, rtol: float, scale: float
 ) -> Floats:
-    """Return the states (T, …) of the free lattice, from `start` on, at the times tau: `integrate` of `rhs`."""
+    """Return the states (T, …) of the free lattice at the times tau, from `start` at τ=0: `integrate` of `rhs`."""
     loop = torus_slope(start, contact, neighbours)
     derivative = loop or (lambda state: rhs(state, contact, neighbours))
     return integrate(derivative, start, tau, rtol, scale, longest_step(contact))
 
 
 def torus_trajectory(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11) -> Floats:
-    """P, Q, Φ in units of D0 on the phase torus, (T, 3, K): the wave in the infinite lattice, for any ξ.
+    """Return P, Q, Φ in units of D0 on the phase torus, (T, 3, K): the wave in the infinite lattice, for any ξ.
 
-    A wave p(r, τ) = P(k·r + phase, τ) with P 2π-periodic in its first argument obeys the equations of the lattice with
-    "neighbour at d" = a shift of that argument by k·d. One period of K points thus holds every sphere and every phase
-    at once, also that of the wave, which enters in `torus` only: no boundaries, in any direction, and k need not be
-    commensurate.
+    Let p(r, τ) = P(k·r + phase, τ), with P 2π-periodic in its first argument. Such a wave obeys the equations of the
+    lattice if the neighbour at d is a shift of that argument by k·d. So one period of K points holds every sphere and
+    every phase at once. There are no boundaries in any direction, and k need not be commensurate. The phase of the wave
+    enters only in `torus`.
 
     Parameters
     ----------
     wave : the wave at τ=0.
     tau : (T,) ascending times.
-    points : K, odd. At a = 0.2, τ ≤ 120, K=31 agrees with K=61 to 1e-12; K=21 does to 5e-9 (L at ξ=2), K=15 to 2e-6.
-    rtol : error per step of the integration; at a = 0.2, τ=120 the error of φ, the largest, is about 50 rtol.
+    points : K, odd. At a = 0.2, τ ≤ 120, K=31 agrees with K=61 to 1e-12, K=21 to 5e-9 (L at ξ=2), K=15 to 2e-6.
+    rtol : error per step of the integration; at a = 0.2, τ=120 the error of φ, the largest one, is about 50 rtol.
 
-    Breaks once the wave steepens so that harmonic (K−1)/2 carries weight.
+    When it breaks: once the wave has steepened so much that harmonic (K−1)/2 carries weight.
     """
     (states,) = torus_trajectories(wave.mode, [wave.amplitude], wave.contact, tau, points=points, rtol=rtol)
     return states / wave.amplitude
@@ -273,9 +294,10 @@ def torus_trajectory(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: floa
 def torus_trajectories(
     mode: Mode, amplitudes: ArrayLike, contact: Contact, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11
 ) -> Array:
-    """P, Q, Φ in units of Δ0 on the phase torus, (A, T, 3, K), of one mode with several amplitudes (A,), side by side.
+    """Return P, Q, Φ in units of Δ0 on the phase torus, (A, T, 3, K), for one mode with several amplitudes (A,).
 
-    They may be complex, while the contacts stay closed. rtol is relative to the smallest, and a mean over all waves.
+    Amplitudes may be complex as long as contacts stay closed. rtol is relative to the smallest amplitude; the error is
+    a mean over all waves. Other parameters are as for `torus_trajectory`.
     """
     sizes = np.asarray(amplitudes)
     neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
@@ -287,9 +309,11 @@ def torus_trajectories(
 def torus(
     wave: Wave, tau: ArrayLike, *, row: float = 0, points: int = 31, rtol: float = 1e-11
 ) -> tuple[Floats, Floats, Floats]:
-    """Displacements p, q, φ (T,) of one sphere in units of D0, where ϑ = ξ·row + phase at τ=0. See `torus_trajectory`.
+    """Return the displacements p, q, φ (T,) of one sphere in units of D0; at τ=0 its phase is ϑ = ξ·row + phase.
 
-    row is the place along k in row spacings (√3/2 lattice constants): along y the number of the row.
+    row : position of the sphere along k in row spacings (√3/2 lattice constants); along y the number of its row.
+
+    Other parameters are as for `torus_trajectory`.
     """
     trajectory = torus_trajectory(wave, tau, points=points, rtol=rtol)
     weights = periodic_kernel(wave.mode.wavenumber * row + wave.phase - torus_phases(points), points)

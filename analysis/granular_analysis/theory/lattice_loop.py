@@ -1,7 +1,7 @@
-"""The slope of `granular_analysis.theory.lattice` on the phase torus in one call of `granular_analysis.theory.loops`.
+"""Time derivative of `granular_analysis.theory.lattice` on the phase torus in one call of a compiled loop.
 
-The formulas are those of `lattice.rhs`, which is the reference: some forty calls of NumPy, of a microsecond each, for
-a few hundred numbers. Rings of rows are left to it.
+The reference is `lattice.rhs`, which has the same formulas. It takes about forty calls of NumPy, a microsecond each,
+for a few hundred numbers. Neighbours other than those of a phase torus use the reference.
 """
 
 import ctypes
@@ -14,7 +14,7 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.neighbours import Neighbours, directions_at_rest
 
 Floats = NDArray[np.float64]
-MOST = 128  # points, as in loops.c
+MOST = 128  # most points, as in loops.c
 
 
 class _Torus(ctypes.Structure):
@@ -31,7 +31,10 @@ class _Torus(ctypes.Structure):
 
 
 def torus_slope(state: Floats, contact: Contact, neighbours: Neighbours) -> loops.Slope | None:
-    """Return the slope of states like `state`, (..., 6 or 9, K), or None where the loop does not hold it."""
+    """Return the slope for states of the shape of `state`, (..., 6 or 9, K), or None.
+
+    It is None without compiled loops, without a phase torus, and for more than `MOST` points.
+    """
     loop, torus, points = loops.library(), neighbours.torus, state.shape[-1]
     if loop is None or torus is None or points > MOST:
         return None

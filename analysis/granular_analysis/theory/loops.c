@@ -1,7 +1,7 @@
-/* Loops over contacts, compiled where there is a compiler (loops.py).
+/* Loops over contacts, compiled if there is a compiler (loops.py).
 
-   What each computes stands in Python beside its caller, with NumPy. Here it is one pass in place of dozens, with the
-   same formulas. Sums that NumPy takes in another order round otherwise. */
+   The reference of each loop is a NumPy version beside its caller in Python. The loop has the same formulas, in one
+   pass in place of dozens. It sums in another order and so rounds differently. */
 
 #ifndef NUMBER
 #include <complex.h>
@@ -10,7 +10,7 @@
 
 typedef ptrdiff_t whole; /* intp of NumPy */
 
-/* The widest vectors of the processor at hand; without fused products all of them give the same bits. PLAIN has none:
+/* Use the widest vectors of the processor; without fused multiply-adds all widths give the same bits. PLAIN uses none:
    a test compiles it in a third of the time. */
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(PLAIN)
 #define VECTORS __attribute__((target_clones("avx512f", "avx2", "default")))
@@ -20,8 +20,8 @@ typedef ptrdiff_t whole; /* intp of NumPy */
 #define VECTORS
 #endif
 
-/* Pairs of `network_state.Pairs` with any of their laws, in the plane or in space: of d components, and T = d − 1
-   tangents. `loss` is √5 ζ of a restitution, negative without one; a `step` is one of velocity Verlet, or 0. */
+/* Pairs of `network_state.Pairs` under any law, in d = 2 or 3 dimensions with T = d − 1 tangents. `loss` is √5 ζ of a
+   restitution, negative without one; `step` is the length of a step of velocity Verlet, or 0 for rates alone. */
 typedef struct {
   whole spheres, pairs, dimension, jkr, incremental, shear, adheres;
   double friction, viscosity, loss, step;
@@ -32,7 +32,7 @@ typedef struct {
 
 INLINE double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-/* The normal force of a contact: `network_laws.py` */
+/* Normal force of a contact: `network_laws.py` */
 typedef struct {
   double closed, overlap, radius, repulsion, spreading;
 } Normal;
@@ -51,7 +51,7 @@ INLINE Normal normal_of(whole jkr, double depth, double A, double F, int begun)
   return (Normal){1, depth, sqrt(3 * unit) * s * s, 3 * F * (y * y - y), unit * (6 * s * y - s)};
 }
 
-/* Tangents along[a] of a normal, about[a] = n × along[a], and how these lean: `network_tangents.py` */
+/* Tangents along[a] of a normal, about[a] = n × along[a], and lean[a]: `network_tangents.py` */
 INLINE void tangents(const Contacts *c, whole d, whole m, const double *n, double along[2][3], double about[2][3],
                      double *lean)
 {
@@ -75,12 +75,12 @@ INLINE void tangents(const Contacts *c, whole d, whole m, const double *n, doubl
   }
 }
 
-/* `touched` for one dimension and one law of adhesion, which the compiler then knows */
+/* `touched` with the dimension and the law of adhesion as constants, for the compiler */
 INLINE double met(const Contacts *c, const double *motion, const double *memory, double *load, double *memory_rate,
                   whole *changes, const whole d, const whole jkr)
 {
   const whole N = c->spheres, M = c->pairs, T = d - 1, f = d == 2 ? 3 : 6;
-  const whole turn = d == 2 ? 2 : 0; /* the first of the turns about x, y and z */
+  const whole turn = d == 2 ? 2 : 0; /* first rotation that spheres have, of those about x, y and z */
   const int slides = c->friction < INFINITY;
   const double step = c->step;
   double power = 0;
@@ -102,7 +102,7 @@ INLINE double met(const Contacts *c, const double *motion, const double *memory,
       turning[turn + k] = R * spin[i] + Q * other;
       spins[turn + k] = spin[i] + other;
     }
-    /* the distance less the one at rest, written so that no digits cancel */
+    /* the change of the distance since rest, written so that no digits cancel */
     const double distance = sqrt(dot(now, now)), stretch = dot(both, way) / (distance + c->length[m]);
     const double inverse = 1 / distance, n[3] = {now[0] * inverse, now[1] * inverse, now[2] * inverse};
     const double opening = dot(n, rate);
@@ -117,7 +117,7 @@ INLINE double met(const Contacts *c, const double *motion, const double *memory,
       if (!c->adheres) limit = fabs(repulsion);
     }
     double across[2], slipped[2] = {0}, spring[2] = {0}, shear[2] = {0}, grown[2] = {0}, square = 0;
-    double before[3] = {0}, kept = 1; /* a memory that turns along keeps its length */
+    double before[3] = {0}, kept = 1; /* a memory that turns with its contact keeps its length */
     for (whole k = 0; k < d && step > 0; k++) before[k] = memory[k * M + m];
     for (whole a = 0; a < T; a++) slipped[a] = step > 0 ? dot(before, along[a]) : memory[a * M + m];
     if (step > 0) {
@@ -137,9 +137,9 @@ INLINE double met(const Contacts *c, const double *motion, const double *memory,
     limit *= c->friction;
     *changes += (normal.closed != 0) != (c->begun[m] != 0) || (slides && size > limit) ||
                 (normal.closed == 0 && (slipped[0] != 0 || slipped[1] != 0));
-    if (slides && size > limit && step > 0 && slipped[0] == 0 && slipped[1] == 0) { /* its dashpot alone: none in LAMMPS */
+    if (slides && size > limit && step > 0 && slipped[0] == 0 && slipped[1] == 0) { /* its dashpot alone: 0 in LAMMPS */
       shear[0] = shear[1] = 0;
-    } else if (slides && size > limit) { /* slides; in space the slip also turns faster than the limit alone takes it */
+    } else if (slides && size > limit) { /* slides; in space the slip also turns faster, `network_tangents.swerved` */
       const double follows = (grown[0] * shear[0] + grown[1] * shear[1]) / square;
       for (whole a = 0; a < T; a++) {
         if (d == 3 && limit > 0) grown[a] += (size / limit - 1) * (grown[a] - follows * shear[a]);
@@ -180,9 +180,9 @@ INLINE double met(const Contacts *c, const double *motion, const double *memory,
 }
 
 /* Forces and torques (f, N) of pairs, and the rates of their memory (T, M): `network_state.contacts` and `resultants`.
-   Returns dW/dt of the ledger, and how many contacts slide, have begun or ended, or are open and have a memory. With a
-   step the memory is the vector (d, M) of `network_verlet.Carried`, in place of its rates is that after the step, and
-   `begun` is renewed. */
+   Returns dW/dt of the ledger, and in `changes` how many contacts slide, have opened or closed, or are open and have a
+   memory. With a step the memory is the vector (d, M) of `network_verlet.Carried`; the memory after the step then takes
+   the place of its rates, and `begun` is updated. */
 double touched(const Contacts *c, const double *motion, const double *memory, double *load, double *memory_rate,
                whole *changes)
 {
@@ -194,8 +194,8 @@ double touched(const Contacts *c, const double *motion, const double *memory, do
   return met(c, motion, memory, load, memory_rate, changes, 3, 0);
 }
 
-/* What a step takes of spheres, and of D drives by signals: `network_verlet.Bodies`. Pairs hold until a sphere is beyond
-   `reach` from its `place`. */
+/* Properties of spheres, and of D drives, that a step needs: `network_verlet.Bodies`. The pairs are valid until a
+   sphere is farther than `reach` from its `place`. */
 typedef struct {
   whole drives;
   double reach;
@@ -211,7 +211,7 @@ INLINE double turn_of(double x)
   return y < 1e-4 ? x * (1 - y * (1.0 / 3 - y * (1.0 / 5 - y * (1.0 / 7 - y * (1.0 / 9 - y / 11))))) : atan(x);
 }
 
-/* One more turn by the rotation vectors h·spin: `network_verlet._composed` */
+/* Compose rotations with one more, by the rotation vectors h·spin: `network_verlet._composed` */
 INLINE void compose(whole N, double h, const double *spin, double *turns)
 {
   for (whole i = 0; i < N; i++) {
@@ -225,8 +225,9 @@ INLINE void compose(whole N, double h, const double *spin, double *turns)
   }
 }
 
-/* Steps of `network_verlet.stepped` in the motion (2f, N), memory and accelerations of spheres, by `values` (count, D, 2)
-   of their drives; `kick` (f, N) is room. Returns how many it took, less than 0 if the last went beyond the reach. */
+/* Steps of `network_verlet.stepped` in the motion (2f, N), memory and accelerations of spheres, with `values` (count,
+   D, 2) of their drives; `kick` (f, N) is scratch space. Returns the number of steps made, negative if the last one
+   went beyond the reach. */
 whole verlet(const Contacts *c, const Bodies *b, double *motion, double *memory, double *rates, double *kick,
              const double *values, whole count)
 {
@@ -261,30 +262,31 @@ whole verlet(const Contacts *c, const Bodies *b, double *motion, double *memory,
   return count;
 }
 
-/* Spheres in a row of chain.py: displacements and velocities in units of chain_motion.py; no dashpots are NULL. */
+/* Spheres in a row of chain.py; displacements and velocities are in units of chain_motion.py. Without dashpots,
+   `dashpot` is NULL. */
 typedef struct {
   whole spheres;
   const double *stiffness, *overlap, *load, *mass, *dashpot;
   double length, speed;
 } Chain;
 
-/* Waves on the phase torus of K points, real or complex, as of lattice.py: a state has the rows p, q, φ, their rates,
-   and with `history` the shear of the contacts ahead, (6 or 9, K) a wave. */
+/* Waves on the phase torus of K points, real or complex, as in lattice.py. The state of a wave, (6 or 9, K), has the
+   rows p, q, φ, their rates, and with `history` the shear of the contacts ahead. */
 enum { BONDS = 3, MOST = 128 };
 typedef struct {
   whole waves, points, history, incremental, potential;
-  const double *shifts, *back; /* to the neighbours ahead (K, 3K), and its transpose */
-  double along[BONDS], across[BONDS]; /* p and q of the directions at rest */
-  double A, F, shear, length, overlap_ratio; /* a length of 0: directions are fixed */
-  double depth, width, least; /* of JKR, as of network_laws.py and adhesion.py; a depth of 0: contacts are DMT's */
-  double dashpot, softens; /* and whether a dashpot goes as the root of the contact radius */
+  const double *shifts, *back; /* matrix to the neighbours ahead (K, 3K), and its transpose */
+  double along[BONDS], across[BONDS]; /* components p and q of the directions at rest */
+  double A, F, shear, length, overlap_ratio; /* length is 0 if directions are fixed */
+  double depth, width, least; /* for JKR, as in network_laws.py and adhesion.py; depth is 0 for DMT */
+  double dashpot, softens; /* softens: whether the dashpot goes as the root of the contact radius */
   double mobility[3];
 } Torus;
 
 INLINE double root_of(double x) { return sqrt(x); }
 INLINE double ratio(double x, double y) { return x / y; }
 
-/* Of a number whose real part is not negative, as those of contacts that stay closed */
+/* Root of a number whose real part is not negative, as for contacts that stay closed */
 INLINE double complex root_of_complex(double complex z)
 {
   const double x = creal(z), y = cimag(z), half = sqrt((sqrt(x * x + y * y) + x) / 2);
@@ -297,7 +299,7 @@ INLINE double complex ratio_complex(double complex z, double complex w)
   return z * conj(w) / (u * u + v * v);
 }
 
-/* Newton's rule from the root of 3s⁴ − 2s = Re x to that of x, of which adhesion.py takes as many steps */
+/* Newton's method from the root s of 3s⁴ − 2s = Re x to the root for x, with as many steps as in adhesion.py */
 INLINE double root_near(double s, double x) { return s; }
 INLINE double complex root_near_complex(double complex s, double complex x)
 {
@@ -308,7 +310,7 @@ INLINE double complex root_near_complex(double complex s, double complex x)
   return s;
 }
 
-/* This file reads its last part twice, once for each kind of number. */
+/* This file includes its last part twice, once for each kind of number. */
 #define NUMBER double
 #define OF(name) name
 #include "loops.c"
@@ -318,7 +320,7 @@ INLINE double complex root_near_complex(double complex s, double complex x)
 #define OF(name) name##_complex
 #include "loops.c"
 
-/* `count` steps of velocity Verlet, as of the case timestep: the slip grows with the speeds of half a step. */
+/* `count` steps of velocity Verlet, as in the case timestep: the slip grows with the speeds of the half step. */
 void stepped(const Torus *t, double *state, double *rate, double step, whole count)
 {
   const whole speeds = 3 * t->points, memory = 6 * t->points, size = (t->history ? 9 : 6) * t->points;
@@ -337,12 +339,12 @@ void stepped(const Torus *t, double *state, double *rate, double step, whole cou
 
 #else
 
-/* The slope of a chain */
+/* rate = the time derivative of a chain */
 void OF(chain)(const Chain *c, const NUMBER *state, NUMBER *rate)
 {
   const whole n = c->spheres;
   const double scale = c->length / (c->speed * c->speed);
-  NUMBER left = 0, behind = 0; /* the sphere to the left of a contact, and the force of that before it */
+  NUMBER left = 0, behind = 0; /* sphere to the left of a contact, and force of the contact before it */
   for (whole i = 0; i <= n; i++) {
     const NUMBER right = i < n ? state[i] * c->length : 0, depth = left - right + c->overlap[i];
     NUMBER force = creal(depth) > 0 ? depth * OF(root_of)(depth) * c->stiffness[i] : 0;
@@ -359,7 +361,7 @@ void OF(chain)(const Chain *c, const NUMBER *state, NUMBER *rate)
   }
 }
 
-/* Steps of chain_motion.py, whose parts have these halves, of chains that begin with their rates: (chains, 2, n) each */
+/* `count` steps of chain_motion.py, whose parts have these half lengths, in states (chains, 2, n) with their rates */
 void OF(marched)(const Chain *c, NUMBER *state, NUMBER *rate, whole chains, const double *halves, whole parts, whole count)
 {
   const whole n = c->spheres;
@@ -410,7 +412,7 @@ INLINE void OF(deformed)(const Torus *t, const NUMBER *places, NUMBER apart[3][B
     }
 }
 
-/* What a contact is stretched by, from n·d and t·d */
+/* Stretch of a contact, from n·d and t·d */
 INLINE NUMBER OF(stretched)(const Torus *t, NUMBER n, NUMBER s, NUMBER *distance)
 {
   const NUMBER ahead = t->length + n, excess = (t->length + ahead) * n + s * s;
@@ -418,7 +420,7 @@ INLINE NUMBER OF(stretched)(const Torus *t, NUMBER n, NUMBER s, NUMBER *distance
   return t->length != 0 ? OF(ratio)(excess, *distance + t->length) : n;
 }
 
-/* Radius and −f_N (M) of contacts by JKR */
+/* Radius and pull −f_N (M) of JKR contacts */
 static void OF(adhered)(const Torus *t, const NUMBER apart[3][BONDS * MOST], NUMBER *radius, NUMBER *pull)
 {
   for (whole m = 0; m < BONDS * t->points; m++) {

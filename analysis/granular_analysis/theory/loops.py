@@ -1,9 +1,9 @@
-"""Slopes of states in one pass in C where the machine has a compiler, in place of dozens of calls of NumPy.
+"""Time derivatives of states in one pass in C, in place of dozens of NumPy calls, if the machine has a C compiler.
 
-``loops.c`` is compiled by ``CC``, else ``cc``, when it is first asked for, into a folder of the user's cache, under a
-name that its source, its flags and the machine give; a file that is damaged is compiled again. Without a compiler, or
-in a folder that others may write to, all is NumPy, which is the reference: both give the same numbers, to the rounding
-of sums in another order.
+The first use compiles ``loops.c`` with the compiler in ``CC``, else ``cc``, into a folder of the user's cache, whose
+name has a hash of the source, the flags and the machine; a damaged file is compiled again. Without a compiler, or if
+others may write to the folder, NumPy computes everything. NumPy is the reference: both give the same numbers, up to the
+rounding of sums in another order.
 """
 
 import ctypes
@@ -25,14 +25,14 @@ from granular_lmp import compiled
 Array = NDArray[Any]  # floats or complex numbers
 Floats = NDArray[np.float64]
 SOURCE = Path(__file__).with_suffix(".c")
-# Products are not fused with sums: all processors then give the same bits
+# Without fused multiply-adds, all processors give the same bits
 FLAGS = ("-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
-_BEGIN = ctypes.c_char * 0  # at the start of an array, also of an empty one
+_BEGIN = ctypes.c_char * 0  # length 0, so it fits at the start of an empty array too
 
 
 @cache
 def library() -> ctypes.CDLL | None:
-    """Return the loops, compiled if they were not; None where they cannot be, with a sentence in the log."""
+    """Return the loops, compiled if need be; None if they cannot be compiled, with the reason in the log."""
     try:
         place = _place()
         if compiled.trouble(place):
@@ -41,12 +41,12 @@ def library() -> ctypes.CDLL | None:
             raise OSError(why)
         return _typed(ctypes.CDLL(str(place)))
     except (OSError, RuntimeError, AttributeError, subprocess.SubprocessError) as trouble:  # no home, no POSIX, …
-        logging.getLogger(__name__).info("loops are those of NumPy: %s", trouble)
+        logging.getLogger(__name__).info("NumPy computes all loops: %s", trouble)
         return None
 
 
 def _typed(found: ctypes.CDLL) -> ctypes.CDLL:
-    """Return the library with the types of its functions; raises AttributeError for one that lacks some."""
+    """Return the library with the types of its functions; raise AttributeError if a function is missing."""
     pointer, size = ctypes.c_void_p, ctypes.c_ssize_t
     found.touched.argtypes = [pointer] * 6
     found.verlet.argtypes = [*[pointer] * 7, size]
@@ -62,16 +62,16 @@ def _typed(found: ctypes.CDLL) -> ctypes.CDLL:
 
 
 def _place() -> Path:
-    """Return where the compiled loops lie, or will lie."""
+    """Return the path of the compiled loops, whether they exist or not."""
     made_of = [SOURCE.read_bytes(), " ".join((platform.system(), platform.machine(), *FLAGS)).encode()]
     return compiled.place("granular-analysis", "loops", "loops.so", made_of)
 
 
 def _compile(place: Path) -> None:
-    """Compile the loops; several processes and threads may do so at once."""
+    """Compile the loops; several processes and threads may do this at the same time."""
     compiler = shutil.which(os.environ.get("CC", "cc"))
     if compiler is None:
-        raise OSError("there is no C compiler on the PATH, or in CC")
+        raise OSError("no C compiler on the PATH or in CC")
     compiled.make_folders(place)
     if why := compiled.foreign(place):
         raise OSError(why)
@@ -85,31 +85,38 @@ def _compile(place: Path) -> None:
 
 
 def address(array: Array) -> int:
-    """Return where the numbers of a contiguous array lie, by its buffer, in a third of the time of `ctypes`."""
+    """Return the address of the numbers of a contiguous array, in a third of the time of ``array.ctypes``."""
     view = array.data
     return array.ctypes.data if view.readonly else ctypes.addressof(_BEGIN.from_buffer(view))
 
 
 class Slope:
-    """A slope that is one of the loops, and the data that it takes, whose arrays live as long."""
+    """Time derivative of a state, computed by one of the loops.
+
+    Parameters
+    ----------
+    function : the loop.
+    data : its constants; they hold addresses.
+    arrays : arrays at these addresses, kept alive with the slope.
+    """
 
     def __init__(self, function: Any, data: ctypes.Structure, arrays: tuple[Floats, ...]) -> None:
         self.function, self.data, self._arrays = function, data, arrays
 
     def __call__(self, state: Array) -> Array:
-        """Return the rate of a state."""
+        """Return the time derivative of a state."""
         out = np.empty_like(state)
         self.function(ctypes.byref(self.data), address(state), address(out))
         return out
 
     def stepped(self, state: Floats, step: float, count: int) -> None:
-        """Make steps of velocity Verlet in a state of the lattice, as tests do."""
+        """Make steps of velocity Verlet in place in a state of the lattice, for tests."""
         loop, rate = library(), np.empty_like(state)
         assert loop is not None
         loop.stepped(ctypes.addressof(self.data), address(state), address(rate), step, count)
 
     def marched(self, state: Array, rate: Array, halves: Floats, count: int) -> None:
-        """Make steps in the states (..., 2, n) of chains, whose rates are those of now; see `chain_motion.march`."""
+        """Make steps in place in states (..., 2, n) of chains with their present rates; see `chain_motion.march`."""
         loop, chains = library(), state.size // (2 * state.shape[-1])
         assert loop is not None
         places = map(address, (state, rate))

@@ -1,19 +1,20 @@
-"""Neighbours in the hexagonal lattice, for a wave of any direction, on the phase torus.
+"""Neighbours in the hexagonal lattice on the phase torus, for a wave of any direction.
 
-A sphere has three neighbours ahead, at the lattice vectors d of 0°, 60° and 120° from a close-packed row, and three
-behind, at −d. A plane wave that starts as a function of the phase k·r alone stays one, so on one period of it, the
-phase torus, the neighbour at d is a shift of the phase by
+A sphere has three neighbours ahead, at the lattice vectors d at 0°, 60° and 120° to a close-packed row, and three
+behind, at −d. A plane wave that starts as a function of the phase k·r alone remains one. On one period of the phase,
+the phase torus, the neighbour at d is therefore a shift of the phase by
 
     k·d = (2/√3) ξ cos(k, d),    ξ = (√3/2)|k|
 
-(k in 1/lattice constant, so ξ is in rad per row for a wave along y). That is the infinite lattice without boundaries,
-in any direction and at any ξ. The shift is a spectral one, a K×K matrix, and the one back is its transpose.
+(k in 1/lattice constant, so ξ is in rad per row for a wave along y). This is the infinite lattice without boundaries,
+for any direction and any ξ. The shift is spectral: a K×K matrix, whose transpose shifts back.
 
-Components are p, along k, and q, along ẑ × k. Along y the bonds of 60° and 120° are the paper's right and left contacts
-to the next row, and the one of 0° stays within the row.
+Displacements have the components p along k and q along ẑ × k. For a wave along y, the bonds at 60° and 120° are the
+paper's right and left contacts to the next row, and the bond at 0° stays within the row.
 
-What a contact feels of the two spheres at its ends is linear. With n its direction at rest, t = ẑ × n its tangent and
-d = ahead − here of (p, q), it is stretched by n·d along n, displaced by t·d across it, and turned by σ = φ₊ + φ.
+The deformation of a contact is linear in the motion of its two spheres. Let n be its direction at rest, t = ẑ × n its
+tangent and d the (p, q) of the sphere ahead minus that of the sphere itself. The contact is stretched by n·d along n,
+displaced by t·d across it, and turned by σ = φ₊ + φ.
 """
 
 from collections.abc import Callable
@@ -25,11 +26,11 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-BOND_ANGLES = (0.0, 60.0, 120.0)  # directions of the contacts ahead, degrees from a close-packed row
+BOND_ANGLES = (0.0, 60.0, 120.0)  # directions of the contacts ahead, in degrees from a close-packed row
 
 
 class Torus(NamedTuple):
-    """The shifts (K, 3K) of the phase torus, of `torus_shifts`, and the direction of the wave."""
+    """Shifts (K, 3K) on the phase torus, from `torus_shifts`, and the direction of the wave in degrees."""
 
     shifts: Floats
     direction: float
@@ -37,14 +38,15 @@ class Torus(NamedTuple):
 
 @dataclass(frozen=True)
 class Neighbours:
-    """The three contacts ahead of each of K spheres, as what they feel of the spheres and do to them.
+    """Linear maps between K spheres and the three contacts ahead of each.
 
     Attributes
     ----------
-    deform : p, q, φ (..., 3, K) of the spheres → n·d, t·d, σ of their contacts, (..., 3, 3, K), bonds before spheres.
-    gather : forces (..., 3, 3, K) of the contacts against each of these → on p, q, φ (..., 3, K). It is the transpose
-        of `deform` with the sign turned, so forces do the work that the contacts take.
-    torus : where the spheres are the points of a phase torus; else None.
+    deform : p, q, φ (..., 3, K) of the spheres → n·d, t·d, σ (..., 3, 3, K) of their contacts; the axis of bonds is
+        before that of spheres.
+    gather : forces (..., 3, 3, K) of the contacts against n·d, t·d, σ → forces (..., 3, K) on p, q, φ. It is minus the
+        transpose of `deform`, so the spheres lose the energy that the contacts take.
+    torus : shifts, if the spheres are the points of a phase torus; else None.
     """
 
     deform: Callable[[Floats], Floats]
@@ -53,36 +55,42 @@ class Neighbours:
 
 
 def periodic_kernel(angle: Floats, points: int) -> Floats:
-    """Weight with which a sample at distance `angle` enters the trigonometric interpolation through K odd points.
+    """Return the weight of a sample at distance `angle` in trigonometric interpolation through K points, K odd.
 
-    sin(Kα/2)/(K sin(α/2)), the Dirichlet kernel, summed as cosines to be regular at α=0.
+    It is the Dirichlet kernel sin(Kα/2)/(K sin(α/2)), as a sum of cosines so that it is regular at α=0.
     """
     orders = np.arange(1, (points + 1) // 2)
     return (1 + 2 * np.cos(np.multiply.outer(angle, orders)).sum(axis=-1)) / points
 
 
 def torus_phases(points: int) -> Floats:
-    """K equidistant phases on [0, 2π); ValueError unless K is odd (only then is a shift invertible) and at least 5."""
+    """Return K equidistant phases on [0, 2π).
+
+    Raises ValueError unless K is at least 5 and odd; a shift is invertible only for odd K.
+    """
     if points < 5 or points % 2 == 0:
         raise ValueError(f"points = {points} must be odd and at least 5")
     return 2 * np.pi * np.arange(points) / points
 
 
 def directions_at_rest(direction: float) -> tuple[Floats, Floats]:
-    """(p, q) components, each (3, 1), of the bonds' unit vectors for a wave at `direction` degrees from a row."""
+    """Return the components p and q, each (3, 1), of the unit vectors of the bonds.
+
+    direction : of the wave, degrees from a close-packed row.
+    """
     angles = np.array(BOND_ANGLES)[:, None] - direction
-    # The cosine as sin(90° − |angle|): a bond across the wave then gets exactly 0, as that within the row along y.
+    # With cos as sin(90° − |angle|), a bond across the wave (within the row, along y) gets exactly 0
     return np.sin(np.radians(90 - np.abs(angles))), np.sin(np.radians(angles))
 
 
 def shifted(direction: float, ahead: Callable[[Floats], Floats], behind: Callable[[Floats], Floats]) -> Neighbours:
-    """Neighbours by where they are.
+    """Return the maps for neighbours that `ahead` and `behind` define.
 
     Parameters
     ----------
     direction : of p, degrees from a close-packed row.
-    ahead : values (..., K) of the spheres → those of their neighbours ahead (..., 3, K).
-    behind : values (..., 3, K) of the contacts ahead → those of the contacts behind, summed (..., K).
+    ahead : values (..., K) of the spheres → values (..., 3, K) of their neighbours ahead.
+    behind : values (..., 3, K) of the contacts ahead → sum (..., K) over the contacts behind each sphere.
     """
     n_p, n_q = directions_at_rest(direction)
     here = np.array([[-1.0], [-1.0], [1.0]])
@@ -111,12 +119,13 @@ def shifted(direction: float, ahead: Callable[[Floats], Floats], behind: Callabl
 
 
 def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) -> Neighbours:
-    """Neighbours on the phase torus of K points: a shift of the phase by k·d for each bond.
+    """Return the maps on the phase torus of K points, where a neighbour is a shift of the phase by k·d.
 
     wavenumber : ξ = (√3/2)|k|, in rad per row for a wave along y.
+    points : K.
     direction : of k, degrees from a close-packed row; 90 is the paper's y.
 
-    Raises ValueError for a K that is none of `torus_phases`.
+    Raises ValueError unless K is odd and at least 5.
     """
     shifts = torus_shifts(wavenumber, points, direction)
     back = np.ascontiguousarray(shifts.T)
@@ -131,9 +140,12 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
 
 
 def torus_shifts(wavenumber: float, points: int, direction: float = 90.0) -> Floats:
-    """Return the matrix (K, 3K) of values of the spheres → those of their neighbours ahead; arguments as above."""
+    """Return the matrix (K, 3K) from values of the spheres to values of their neighbours ahead.
+
+    Parameters and errors are those of `torus_neighbours`.
+    """
     phases = torus_phases(points)
     shifts = 2 / np.sqrt(3) * wavenumber * directions_at_rest(direction)[0][:, :, None]
-    # Exactly itself where nothing is shifted: within a row along y, mirror symmetry then holds to the last bit.
+    # Exactly the identity for a shift of 0, so that for waves along y mirror symmetry holds to the last bit
     back = np.where(shifts == 0, np.eye(points), periodic_kernel(phases[:, None] + shifts - phases, points))
     return np.ascontiguousarray(back.reshape(-1, points).T)

@@ -1,9 +1,9 @@
-"""Steps of `granular_analysis.theory.network_verlet` in compiled loops: the fastest on one core.
+"""Steps of `granular_analysis.theory.network_verlet` in compiled loops: the fastest version on one core.
 
-They use the formulas of the NumPy version, which is the reference, with sums in another order. On one machine motions
-are the same to the last bit, however a run is divided.
+The loops use the formulas of the NumPy version, which is the reference, but sum in another order. On one machine the
+motion is the same to the last bit, however a run is divided into calls.
 
-When it breaks: it needs a C compiler (`granular_analysis.theory.loops`).
+When it breaks: without a C compiler (`granular_analysis.theory.loops`); `fastest_march` then returns the NumPy version.
 """
 
 import ctypes
@@ -25,11 +25,11 @@ from granular_analysis.theory.network_verlet import taken as taken
 __all__ = ["march"]
 
 Floats = NDArray[np.float64]
-AT_ONCE = 10_000_000  # steps times pairs of one call, about 0.2 s, after which a run can be interrupted
+AT_ONCE = 10_000_000  # steps times pairs of one call, about 0.2 s; a run can be interrupted between calls
 
 
 class _Bodies(ctypes.Structure):
-    """`Bodies` of loops.c, and the arrays that it points to, which live as long."""
+    """`Bodies` of loops.c; `arrays` keeps alive the memory to which it points."""
 
     arrays: list[NDArray[Any]]
     _fields_ = [
@@ -40,7 +40,7 @@ class _Bodies(ctypes.Structure):
 
 
 class _Steps:
-    """Steps of a network with the pairs of a state; the motion is its own."""
+    """Steps of a network with the pairs of a state; it steps its own copy of the motion."""
 
     def __init__(self, network: Network, step: float, state: State, now: Carried) -> None:
         bodies, drives = Bodies.of(network, step), network.drives
@@ -54,9 +54,9 @@ class _Steps:
         self.bodies.arrays = arrays
 
     def step(self, values: Floats) -> int:
-        """Take steps with values (count, D, 2) of the drives until pairs have to be searched again.
+        """Make up to `count` steps with values (count, D, 2) of the drives, and return how many were made.
 
-        Return how many, less than 0 if they have to.
+        The number is negative if the steps stopped because the pairs must be searched again.
         """
         loop = loops.library()
         assert loop is not None
@@ -65,7 +65,7 @@ class _Steps:
 
     @property
     def now(self) -> Carried:
-        """A copy of what the next step takes."""
+        """Return a copy of what the next step needs."""
         motion, memory, rates = (tuple(np.array(each)) for each in (self.motion, self.memory, self.rates))
         return Carried(motion, memory, np.array(self.begun), rates)
 
@@ -93,5 +93,5 @@ def march(network: Network, state: State, step: float, count: int, every: int) -
 
 
 def fastest_march() -> Callable[[Network, State, float, int, int], Iterator[Floats]]:
-    """Return `march`, or without a C compiler that of `granular_analysis.theory.network_verlet`."""
+    """Return `march`, or `granular_analysis.theory.network_verlet.march` if there is no C compiler."""
     return network_verlet.march if loops.library() is None else march

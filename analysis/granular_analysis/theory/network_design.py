@@ -1,24 +1,25 @@
-"""Densities of spheres at which a number that is read off a whole run is largest, by its gradient.
+"""Search for the densities of spheres that maximise a number of a whole run, by its gradient.
 
-A `Design` has one density for each group of spheres, in the mean density of the uniform crystal: of each sphere, or of
-rows or cells that repeat. L-BFGS-B of SciPy changes them between two bounds, from the gradient of the logarithm of
+A `Design` has one density for each group of spheres, in units of the density of the uniform crystal. A group is a
+single sphere, or the equal spheres of rows or cells that repeat. SciPy's L-BFGS-B varies the densities between two
+bounds and follows the gradient of log V,
 
     V = |mean of s over signs|
 
-with the real or complex vector s that a `Goal` reads off each run. Signs are those with which the run starts: the mean
-over +1 and −1 holds even orders of the amplitude alone. A robust design has the largest mean of V over
-crystals of some seeds, in which each density is off by a normal share.
+where a `Goal` reads the real or complex vector s off each run. Each run starts with one of the signs: the mean over +1
+and −1 keeps only even orders of the amplitude. A robust design maximises the mean of V over several crystals; in each
+of them, drawn with its own seed, every density is off by a normally distributed share.
 
-With the same mass, density j of the group's size w_j is
+If the total mass is kept, the density of group j, which has w_j spheres, is
 
     f_j = low + (high − low)/(1 + e^{−(y_j + λ)}),    Σ w_j f_j = Σ w_j
 
-of free numbers y_j, with the one λ that keeps the mass, so that bounds and mass hold exactly in all runs.
+The numbers y_j are free, and λ is the one number that keeps the mass, so bounds and mass hold exactly in every run.
 
-The gradient refuses a run in which a contact opens, closes or slides, as the record has a kink there. The optimizer
-then steps back toward the last run.
+The gradient refuses a run in which a contact opens, closes or slides, since the record has a kink there. The optimizer
+then steps back toward the last accepted run.
 
-When it breaks: maxima are local; take several starts. Where contacts are about to open the best design lies at a kink,
+When it breaks: maxima are local; take several starts. If contacts are about to open, the best design lies at a kink,
 and the search ends there.
 
 Source: R. H. Byrd, P. Lu, J. Nocedal and C. Zhu, SIAM J. Sci. Comput. 16, 1190 (1995).
@@ -41,34 +42,39 @@ from granular_analysis.theory.network_gradient import Record, gradient, record
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-_SPREAD = 0.1  # Densities of a start differ from 1 by at most this share
-_WORSE = 1.0  # Logarithm of V of a refused run below the least that was found
-_FAR = 700.0  # e^x is finite
+_SPREAD = 0.1  # densities at the start differ from 1 by at most this much
+_WORSE = 1.0  # a refused run counts as log V this far below the smallest log V so far
+_FAR = 700.0  # e^x is finite up to this x
 
 
 class Goal(NamedTuple):
-    """A number of a run that is to be largest.
+    """Objective V of a run, to be maximised.
 
     Attributes
     ----------
     read : `Record` → s, a number or a vector, as a ``jax.tree_util.Partial`` of arrays.
-    signs : with which the runs start.
+    signs : factors of the start, one run each.
     """
 
     read: Partial
     signs: tuple[float, ...] = (1.0,)
 
     def of(self, records: Sequence[Record]) -> tuple[float, Any]:
-        """Return V of records, one for each sign, and the vector e, V = Re(e·s) of the mean s and |e| = 1."""
+        """Return V from one record for each sign, and the unit vector e with V = Re(e·s) for the mean s."""
         mean = np.mean([np.asarray(self.read(each)) for each in records], axis=0)
         length = float(np.linalg.norm(mean))
         return length, np.conj(mean) / length if length else np.zeros_like(mean)
 
 
 class Evaluation(NamedTuple):
-    """V and its slope by the numbers of the optimizer; V is nan of a run that is refused, with the reason if known.
+    """One evaluation of V.
 
-    `numbers` are those of the optimizer.
+    Attributes
+    ----------
+    value : V; nan for a refused run.
+    slope : (P,) derivatives of V with respect to `numbers`.
+    numbers : (P,) numbers of the optimizer (`Scaling`).
+    why : reason of a refusal, if known.
     """
 
     value: float
@@ -86,14 +92,14 @@ class Scaling(Protocol):
         """Return the densities."""
 
     def back(self, numbers: Floats, slope: Floats) -> Floats:
-        """Return the slope by the numbers, of the slope by the densities."""
+        """Return the slope with respect to the numbers, from the slope with respect to the densities."""
 
     def to(self, densities: Floats) -> Floats:
-        """Return numbers near densities."""
+        """Return numbers whose densities are near the given ones."""
 
 
 class Bounded:
-    """Densities themselves, between bounds."""
+    """Scaling whose numbers are the densities themselves, between bounds."""
 
     def __init__(self, low: float, high: float, sizes: Floats) -> None:
         self.low, self.high = low, high
@@ -104,25 +110,29 @@ class Bounded:
         return numbers
 
     def back(self, numbers: Floats, slope: Floats) -> Floats:  # noqa: ARG002  # as of `Scaling`
-        """Return the slope."""
+        """Return the slope, unchanged."""
         return slope
 
     def to(self, densities: Floats) -> Floats:
-        """Return the densities inside the bounds."""
+        """Return the densities, clipped to the bounds."""
         return np.clip(densities, self.low, self.high)
 
 
 class SameMass:
-    """Densities between bounds whose mean over all spheres is 1: the equation at the top of this module."""
+    """Scaling that keeps the mean density of all spheres at 1: the equation at the top of this module.
+
+    Raises TheoryError unless the bounds enclose 1.
+    """
 
     bounds: list[tuple[float, float]] | None = None
 
     def __init__(self, low: float, high: float, sizes: Floats) -> None:
         if not low < 1 < high:
-            raise TheoryError(f"within {low:g} {high:g}: the same mass needs bounds on both sides of 1")
+            raise TheoryError(f"within {low:g} {high:g}: keeping the mass needs one bound below 1 and one above")
         self.low, self.width, self.sizes = low, high - low, sizes / sizes.sum()
 
     def _shares(self, numbers: Floats) -> Floats:
+        """Return (f_j − low)/(high − low), with the λ that keeps the mass."""
         wanted = (1 - self.low) / self.width
 
         def off(shift: float) -> float:
@@ -135,27 +145,31 @@ class SameMass:
         return self.low + self.width * self._shares(numbers)
 
     def back(self, numbers: Floats, slope: Floats) -> Floats:
-        """Return the slope by the numbers."""
+        """Return the slope with respect to the numbers."""
         shares = self._shares(numbers)
         steep = self.width * shares * (1 - shares)
         return np.asarray(steep * (slope - self.sizes * (slope @ steep) / (self.sizes @ steep)))
 
     def to(self, densities: Floats) -> Floats:
-        """Return the numbers."""
+        """Return the numbers, of densities clipped to stay 2 % of the range away from the bounds."""
         return np.asarray(logit(np.clip((densities - self.low) / self.width, 0.02, 0.98)))
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Densities that are varied, and what they are to make largest.
+    """Densities that vary, and the objective that they maximise.
 
     Attributes
     ----------
-    run, goal : of the uniform crystal.
-    group : (N,) from 0 to P − 1, of each sphere.
-    low, high : bounds of the densities, in that of the uniform crystal.
+    run : run of the uniform crystal.
+    goal : objective.
+    group : (N,) group of each sphere, from 0 to P − 1.
+    low, high : bounds of the densities, in units of the density of the uniform crystal.
     same_mass : whether the mean density is kept.
-    spread, seeds : standard deviation of the densities in each of some crystals, over which V is the mean; 0: exact.
+    spread : relative standard deviation of the densities of single spheres, at most 0.1; 0: exact densities.
+    seeds : number of crystals over which V is averaged; 1 without a spread.
+
+    Raises TheoryError for bounds that are not positive and ascending, or a spread without two or more seeds.
     """
 
     run: Run
@@ -182,26 +196,26 @@ class Design:
 
     @property
     def scaling(self) -> Scaling:
-        """Return the densities as a function of the numbers of the optimizer."""
+        """Return the map from the numbers of the optimizer to the densities."""
         return (SameMass if self.same_mass else Bounded)(self.low, self.high, self.sizes)
 
     def begin(self, seed: int) -> Floats:
-        """Return densities (P,) to start from, off the uniform crystal by chance: its symmetry may hide what helps."""
+        """Return random densities (P,) near 1 to start from: the symmetry of a uniform crystal may hide what helps."""
         noise = np.random.default_rng(seed).uniform(-_SPREAD, _SPREAD, len(self.sizes))
         return np.clip(np.clip(1.0, self.low, self.high) + noise, self.low, self.high)
 
     def crystals(self, densities: Floats) -> Iterator[tuple[Floats, Floats]]:
-        """Yield the densities (N,) of each crystal, and their slopes by those of the groups."""
+        """Yield the densities (N,) of each crystal, and their derivatives with respect to the group densities."""
         for seed in range(self.seeds):
             off = 1 + self.spread * np.random.default_rng(seed).normal(size=len(self.group)) if self.spread else 1.0
             yield densities[self.group] * off, np.broadcast_to(off, self.group.shape)
 
     def value(self, densities: Floats) -> float:
-        """Return V of densities (P,)."""
+        """Return V for densities (P,)."""
         return float(np.mean([self._read(own)[0] for own, _ in self.crystals(densities)]))
 
     def evaluated(self, densities: Floats) -> tuple[float, Floats]:
-        """Return V of densities (P,), and its slope by them.
+        """Return V for densities (P,), and its derivatives with respect to them.
 
         Raises TheoryError for a run in which a contact opens, closes or slides.
         """
@@ -215,7 +229,7 @@ class Design:
         return value / self.seeds, slope / self.seeds
 
     def _read(self, own: Floats) -> tuple[float, Any]:
-        """Return V of one crystal, and the vector e of `Goal.of`."""
+        """Return V for one crystal, and the vector e of `Goal.of`."""
         return self.goal.of([record(self.run, self._factors(own, sign)) for sign in self.goal.signs])
 
     def _factors(self, own: Floats, sign: float) -> dict[str, Any]:
@@ -225,6 +239,7 @@ class Design:
 
 
 def _along(read: Callable[[Record], Any], way: Any, found: Record) -> Any:
+    """Return Re(e·s), for the vector e of `Goal.of`."""
     return jnp.real(jnp.sum(way * read(found)))
 
 
@@ -233,11 +248,13 @@ class Best(NamedTuple):
 
     Attributes
     ----------
-    densities, value : (P,) at which V was largest, and V there.
-    evaluations, refused : how many there were, and how many of them were stepped back from.
-    why : the last one was refused, "" if none was.
+    densities : (P,) densities with the largest V.
+    value : V there.
+    evaluations : number of evaluations.
+    refused : number of evaluations whose run was refused.
+    why : reason of the last refusal; "" if there was none.
     ended : why the search ended.
-    interrupted : whether by Ctrl-C.
+    interrupted : whether Ctrl-C ended it.
     """
 
     densities: Floats
@@ -250,7 +267,7 @@ class Best(NamedTuple):
 
 
 class _EnoughError(Exception):
-    """All evaluations that were asked for are made."""
+    """Raised when all requested evaluations are made."""
 
 
 def improved(
@@ -260,18 +277,18 @@ def improved(
     kept: Sequence[Evaluation] = (),
     noted: Callable[[Evaluation], None] = lambda _: None,
 ) -> Best:
-    """Return the best densities that some evaluations of V find.
+    """Return the best densities found within a number of evaluations of V.
 
     Parameters
     ----------
-    start : (P,)
-    most : evaluations, a gradient each.
-    kept : evaluations of the same search that were made before. As each follows from those before, the search continues
-        as if it had not been stopped.
-    noted : called with each evaluation that is made.
+    start : (P,) densities at the start.
+    most : largest number of evaluations; each computes a gradient.
+    kept : evaluations made before, in the same search. Each evaluation follows from those before it, so the search
+        continues as if it had not been stopped.
+    noted : callback for each new evaluation.
 
-    Raises TheoryError if the start is refused, and for a kept evaluation of other densities than the search asks for:
-    another version, or another machine, made it.
+    Raises TheoryError if the run at the start is refused or has V = 0, or if a kept evaluation has other densities than
+    this search asks for, because another version or another machine made it.
     """
     scaling, made = design.scaling, list[Evaluation]()
     best: tuple[float, Floats] = -np.inf, start
@@ -285,7 +302,7 @@ def improved(
         if len(made) < len(kept):
             found = kept[len(made)]
             if not np.array_equal(found.numbers, numbers):
-                raise TheoryError(f"evaluation {len(made) + 1} that was kept is of other densities; begin anew")
+                raise TheoryError(f"kept evaluation {len(made) + 1} has other densities than this search; begin anew")
         else:
             found = _tried(design, scaling, numbers, densities)
             noted(found)
@@ -306,7 +323,7 @@ def improved(
             options={"maxfun": most + 1, "maxiter": most + 1},
         ).message  # fmt: skip
     except _EnoughError:
-        ended = "all that were asked for"
+        ended = "the requested number"
     except KeyboardInterrupt:
         if not made:
             raise
@@ -316,6 +333,7 @@ def improved(
 
 
 def _tried(design: Design, scaling: Scaling, numbers: Floats, densities: Floats) -> Evaluation:
+    """Return the evaluation at some densities; a refused run gives one with the value nan."""
     try:
         value, slope = design.evaluated(densities)
     except TheoryError as error:

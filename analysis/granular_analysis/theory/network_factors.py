@@ -1,21 +1,22 @@
-"""Run as a function of factors for each sphere, each contact, the start, and each signal.
+"""Run as a function of factors on each sphere, each contact, the start and each signal.
 
-A run of `granular_analysis.theory.network_traced` from a state depends on factors, which have no effect if they are 1,
-or 0 for a phase and a delay:
+A run of `granular_analysis.theory.network_traced` from a state depends on factors. A factor of 1 has no effect; a phase
+or a delay has none at 0. Each factor multiplies the quantity named here, unless stated otherwise:
 
-    density          (N,) of the density of each sphere
-    radius           (N,) of its radius, with the mass, the stiffnesses and the overlaps that follow; places stay
-    overlap          (M,) of the overlap of each pair at rest; places stay
-    normal_stiffness (M,) of the normal force of each pair at a given overlap, and of its pull
-    shear_stiffness  (M,) of the shear force of each pair at a given overlap
-    damping          ()   of the dashpots
-    amplitude        ()   of the displacements, turns, velocities and spins at the start
-    phase            ()   φ by which a wave is ahead at the start: cos φ of that motion, sin φ of its quadrature
-    drives           (D,) of the signal of each drive
-    delay            (D,) by which each signal is late, in units of time
-    adhesion         (M,) of the pull of each pair, with the overlap at rest at which its force stays what it is there
+    density          (N,) density of each sphere
+    radius           (N,) radius of each sphere; mass, stiffnesses and overlaps follow, positions stay
+    overlap          (M,) overlap of each pair at rest; positions stay
+    normal_stiffness (M,) normal force of each pair at a given overlap, including its pull
+    shear_stiffness  (M,) shear force of each pair at a given overlap
+    damping          ()   all dashpots
+    amplitude        ()   displacements, turns, velocities and spins at the start
+    phase            ()   phase φ added to a wave at the start: cos φ times the motion plus sin φ times its quadrature
+    drives           (D,) signal of each drive
+    delay            (D,) time by which each signal is late
+    adhesion         (M,) pull of each pair; its overlap at rest changes so that its force at rest stays
 
-A delay differentiates the signal, which must accept arrays of JAX, as all of `granular_analysis.theory.signals` do.
+A delay needs the derivative of the signal, so the signal must accept JAX arrays, as all of
+`granular_analysis.theory.signals` do.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -40,7 +41,7 @@ __all__ = ["Run"]
 
 Floats = NDArray[np.float64]
 Factors = Mapping[str, Any]
-# By name what changes nothing, and of what there is one each
+# For each factor, the value without effect, and what has one factor each
 FACTORS = {
     "density": (1.0, "spheres"),
     "radius": (1.0, "spheres"),
@@ -57,9 +58,13 @@ FACTORS = {
 
 
 class Plan(NamedTuple):
-    """Properties of a run for which it is compiled; runs with equal ones and equal shapes share what JAX has traced.
+    """Properties for which a run is compiled; runs with equal plans and equal shapes share one compiled program.
 
-    `late` is the run itself where a delay traces its signals, else None.
+    Attributes
+    ----------
+    traits : traits of the network.
+    samples, every : as for `Run`.
+    late : the run itself if a delay traces its signals, else None.
     """
 
     traits: Traits
@@ -73,10 +78,11 @@ class Given(NamedTuple):
 
     Attributes
     ----------
-    arrays, bodies : of the pairs and of the spheres.
-    lightness : (N,) 1/m, 0 of held spheres.
-    values : (steps + 1, D, 2) of the signals.
-    motion, quadrature, spheres, contacts : of the start and of the record, as of `Run`.
+    arrays, bodies : arrays of the pairs and of the spheres.
+    lightness : (N,) 1/m, 0 for held spheres.
+    values : (steps + 1, D, 2) values and rates of the signals (`granular_analysis.theory.network_verlet.signals`).
+    motion : (2f, N) motion at the start.
+    quadrature, spheres, contacts : as for `Run`.
     """
 
     arrays: Arrays
@@ -95,12 +101,14 @@ class Run:
 
     Attributes
     ----------
-    network, state : as from `granular_analysis.theory.network_state.start`; pairs are not searched again.
-    step : length of a step.
-    samples, every : number of records after the start, and the steps between two.
+    network : network.
+    state : start, as from `granular_analysis.theory.network_state.start`; its pairs are not searched again.
+    step : length of a time step.
+    samples : number of samples after the start.
+    every : number of steps between two samples.
     spheres : (n,) indices of the recorded spheres.
     contacts : (C,) pairs whose power is recorded.
-    quadrature : (2f, N) initial motion of the wave a quarter of a period ahead, for a phase.
+    quadrature : (2f, N) initial motion of the wave a quarter of a period ahead; needed for the factor `phase`.
     """
 
     network: Network
@@ -113,9 +121,12 @@ class Run:
     quadrature: Floats | None = None
 
     def neutral(self, *names: str) -> dict[str, Floats]:
-        """Return factors without effect, by name."""
+        """Return the named factors, with values that have no effect.
+
+        Raises TheoryError for an unknown name, and for a phase without a quadrature.
+        """
         if unknown := [name for name in names if name not in FACTORS]:
-            raise TheoryError(f"{unknown[0]!r}: is no factor of a run; {', '.join(FACTORS)} are")
+            raise TheoryError(f"{unknown[0]!r}: not a factor of a run; allowed: {', '.join(FACTORS)}")
         if "phase" in names and self.quadrature is None:
             raise TheoryError("phase: needs the quadrature of the run")
         count, pairs, drives = len(self.network.position), len(self.state.pairs.first), len(self.network.drives)
@@ -123,7 +134,7 @@ class Run:
         return {name: np.full(shapes[each], value) for name, (value, each) in FACTORS.items() if name in names}
 
     def plan(self, factors: Factors) -> Plan:
-        """Return the settings for which a run with such factors is compiled."""
+        """Return the plan for which a run with these factors is compiled."""
         return Plan(self.network.traits, self.samples, self.every, self if "delay" in factors else None)
 
     @cached_property
@@ -139,7 +150,7 @@ class Run:
 
 
 def prepared(plan: Plan, given: Given, factors: Factors) -> tuple[Pairs, Bodies, Any, Carried]:
-    """Return pairs, spheres, values of the signals, and what the first step begins with."""
+    """Return the pairs, spheres and signal values with their factors, and the start of the first step."""
     arrays, bodies = varied(plan.traits, given, factors)
     pairs, motion = pairs_of(plan.traits, arrays), given.motion
     values = given.values if plan.late is None else jnp.asarray(_driven(plan.late, factors["delay"]))
@@ -151,7 +162,7 @@ def prepared(plan: Plan, given: Given, factors: Factors) -> tuple[Pairs, Bodies,
 
 
 def _driven(run: Run, delays: Any = None) -> Any:
-    """Return the values of the signals at all steps, (steps + 1, D, 2), late by delays (D,)."""
+    """Return the values of the signals at all steps, (steps + 1, D, 2), delayed by `delays` (D,)."""
     network = run.network
     if delays is not None:
         late = zip(network.drives, delays, strict=True)
@@ -160,20 +171,20 @@ def _driven(run: Run, delays: Any = None) -> Any:
 
 
 def _delayed(signal: Callable[[Any], Any], by: Any) -> Callable[[Any], Any]:
-    """Return a signal that is late, or refuse one that JAX cannot trace."""
+    """Return the delayed signal; it raises TheoryError if JAX cannot trace it."""
 
     def late(time: Any) -> Any:
         try:
             return jnp.asarray(signal(time - by))
         except TracerArrayConversionError as why:
-            said = "delay: a signal takes arrays of NumPy alone; write it with the functions of its array's module"
+            said = "delay: a signal takes only NumPy arrays; write it with the functions of its array's module"
             raise TheoryError(said) from why
 
     return late
 
 
 def varied(traits: Traits, given: Given, factors: Factors) -> tuple[Arrays, Bodies]:
-    """Return the numbers of pairs and spheres with factors."""
+    """Return the arrays of pairs and spheres with their factors."""
     arrays, bodies, count, still = given.arrays, given.bodies, len(traits.position), jnp.zeros(len(traits.walls))
     radius, density = (jnp.asarray(factors.get(name, 1.0)) * jnp.ones(count) for name in ("radius", "density"))
     lighter = 1 / (radius**3 * density)
@@ -199,7 +210,7 @@ def varied(traits: Traits, given: Given, factors: Factors) -> tuple[Arrays, Bodi
 
 
 def _adhering(traits: Traits, arrays: Arrays, factor: Any) -> Arrays:
-    """Return the numbers of pairs with a factor of their pull; contacts that touch at rest keep their force there."""
+    """Return the arrays of pairs with factors (M,) on the pull; contacts that touch at rest keep their force there."""
     before, pull = pairs_of(traits, arrays), arrays["F"] * factor
     touches = before.overlap > before.normal.end
     force = before.normal.repulsion(before.overlap, before.normal.radius(before.overlap, touches), touches)
@@ -208,13 +219,13 @@ def _adhering(traits: Traits, arrays: Arrays, factor: Any) -> Arrays:
 
 
 def _curvature(radii: Any) -> Any:
-    """Return 1/Rc (M,) of the radii (2, M) of both ends; that of a wall, which is flat, is given as 0."""
+    """Return 1/Rc (M,) from the radii (2, M) of both ends; a radius of 0 means a flat wall."""
     flat = radii[1] == 0
     return 1 / radii[0] + jnp.where(flat, 0.0, 1 / jnp.where(flat, 1.0, radii[1]))
 
 
 def started(network: Traits, pairs: Pairs, bodies: Bodies, motion: Any, values: Any) -> Carried:
-    """Return what the first step begins with, of a motion after the straight way without forces from rest."""
+    """Return the start of the first step for a motion reached from rest on a straight path without forces."""
     half = network.freedoms
     way = meetings(network, [*motion[:half], *motion[:half]], pairs, pairs.overlap > pairs.normal.end)
     memory = scaled(way.stiffness, way.slip_rate) if network.law == "incremental" else way.slip_rate

@@ -1,21 +1,22 @@
-"""Gradient of a whole run: how a number from its record depends on each sphere, contact and signal.
+"""Gradient of a whole run: how a number of its record depends on each sphere, contact and signal.
 
-Numbers are functions of a `Record`, such as those of `granular_analysis.theory.network_objectives`; they depend on the
-factors of `granular_analysis.theory.network_factors`.
+The number is a function of a `Record`, such as those of `granular_analysis.theory.network_objectives`. It depends on
+the factors of `granular_analysis.theory.network_factors`.
 
-Reverse mode (`gradient`) costs four to eight runs for any number of factors, with the memory of 2 √steps states: each
-of √steps parts is run again on the way back, and so is each of its steps. Forward mode (`derivative`) costs as much for
-one direction, and holds no states. The change of the gradient along a direction (`hessian_product`) is forward over
-reverse mode, and costs 15 to 40 runs.
+`gradient` uses reverse mode. It costs four to eight runs for any number of factors and holds 2 √steps states in memory:
+the run is cut into √steps parts, and the backward pass repeats each part, and each of its steps, once more.
+`derivative` uses forward mode, costs as much for one direction, and holds no states. `hessian_product`, the change of
+the gradient along a direction, uses forward over reverse mode and costs 15 to 40 runs.
 
-Good values: a number of samples, or of steps per sample, with a divisor that gives parts of about √steps: parts are
-equal numbers of whole samples, or equal parts of each sample.
+Good values: a part is a number of whole samples, or an equal share of one sample; so choose a number of samples, or of
+steps per sample, whose divisors allow parts of about √steps steps.
 
-When it breaks: if a contact opens, closes or slides, the record has a kink and a derivative is one-sided. `events`
-names such contacts, and how near the others are; the functions here refuse such a run by default. If a force also
-jumps, as when an adhesive contact opens or closes or a sheared contact opens, this derivative is not that of the
-motion: steps of fixed length ignore that the jump comes earlier or later, which changes the velocity by (ΔF/m)(dx/da)/v
-for a jump ΔF at the speed v. Hertz contacts without shear have no jump, and neither has sliding.
+When it breaks: if a contact opens, closes or slides, the record has a kink and the derivative is one-sided. The
+functions here refuse such a run by default; `events` names these contacts, and says how near the others come. If a
+force also jumps (an adhesive contact opens or closes, or a sheared contact opens), the derivative differs from that of
+the true motion: steps of fixed length ignore that a factor a shifts the jump ΔF in time, so the derivative of the
+velocity lacks the term (ΔF/m)(dx/da)/v, where v is the speed at the jump. Hertz contacts without shear have no such
+jump, and neither has sliding.
 
 Source: A. Griewank and A. Walther, Evaluating Derivatives (2008), chapters 3 and 12.
 """
@@ -46,14 +47,14 @@ Floats = NDArray[np.float64]
 
 
 class Record(NamedTuple):
-    """Record of a run: at the start and after each sample.
+    """Record of a run at the start and at each of T samples.
 
     Attributes
     ----------
-    times : (T + 1,).
-    motion : (T + 1, 2f, n) displacements, turns, velocities, spins of the spheres.
-    power : (T + 1, C) that each contact carries from its first to its second sphere: half of the power on the second,
-        minus half of the power on the first.
+    times : (T + 1,) times since the start.
+    motion : (T + 1, 2f, n) displacements, turns, velocities, spins of the recorded spheres.
+    power : (T + 1, C) power that each recorded contact carries from its first to its second sphere: half the power on
+        the second, minus half the power on the first.
     """
 
     times: Any
@@ -66,15 +67,19 @@ Start = tuple[Given, Factors]
 
 
 def _traced(objective: Objective) -> Partial:
-    """Return an objective whose numbers are traced if it is a ``jax.tree_util.Partial``, so that others share it."""
+    """Return the objective as a ``jax.tree_util.Partial``, whose arrays are traced: equal shapes share one program."""
     return objective if isinstance(objective, Partial) else Partial(objective)
 
 
 class _Looks(NamedTuple):
-    """Extremes of contacts and spheres so far, for `Events`; (M,) but for the last.
+    """Extremes of pairs and spheres up to one moment, for `Events`.
 
-    `least` is the smallest overlap while a pair touched, inf if it has not; `always` and `ever` say whether it has
-    touched since the start, or at all; `hardest` is the largest share of the limit of friction.
+    Attributes
+    ----------
+    least : (M,) smallest overlap while a pair touched, inf if it never did.
+    always, ever : (M,) whether a pair has touched at all moments, or at any.
+    hardest : (M,) largest ratio of the shear force to the limit of friction.
+    farthest : largest displacement of a sphere, along one axis, since pairs were searched.
     """
 
     least: Any
@@ -84,7 +89,7 @@ class _Looks(NamedTuple):
     farthest: Any
 
     def with_more(self, other: "_Looks") -> "_Looks":
-        """Return these after what has come to pass since."""
+        """Return the extremes over both."""
         return _Looks(
             jnp.minimum(self.least, other.least),
             self.always & other.always,
@@ -95,7 +100,7 @@ class _Looks(NamedTuple):
 
 
 def _look(network: Traits, pairs: Pairs, now: Carried) -> _Looks:
-    """Return what contacts and spheres do at one moment; nothing has a slope by it."""
+    """Return the extremes at one moment; derivatives do not pass through them."""
     now = lax.stop_gradient(now)
     there = seen(network, pairs, now)
     far = [jnp.max(jnp.abs(way - place)) for way, place in zip(now.motion, pairs.place, strict=False)]
@@ -105,7 +110,7 @@ def _look(network: Traits, pairs: Pairs, now: Carried) -> _Looks:
 
 
 def _power(network: Traits, pairs: Pairs, now: Carried, contacts: Any) -> Any:
-    """Return the power (C,) through the contacts that are recorded."""
+    """Return the power (C,) through the recorded contacts."""
     dimension = network.dimension
     if not len(contacts):
         return jnp.zeros(0)
@@ -121,10 +126,10 @@ def _power(network: Traits, pairs: Pairs, now: Carried, contacts: Any) -> Any:
 
 
 def _marched(plan: Plan, given: Given, factors: Factors) -> tuple[Record, tuple[_Looks, _Looks]]:
-    """Return the record of a run, and what was seen at its begin and until its end."""
+    """Return the record of a run, and the extremes at its start and over the whole run."""
     network, samples, every, _ = plan
     pairs, bodies, values, begin = prepared(plan, given, factors)
-    again = partial(jax.checkpoint, prevent_cse=False)  # which is for no scan
+    again = partial(jax.checkpoint, prevent_cse=False)  # a scan does not need the protection of prevent_cse
 
     def noted(now: Carried) -> tuple[Any, Any]:
         return jnp.stack([row[given.spheres] for row in now.motion]), _power(network, pairs, now, given.contacts)
@@ -134,7 +139,7 @@ def _marched(plan: Plan, given: Given, factors: Factors) -> tuple[Record, tuple[
         now = stepped(network, pairs, bodies, now, at)
         return (now, looks.with_more(_look(network, pairs, now))), None
 
-    # The way back holds the start of each part, and of each step of the part that it runs again
+    # The backward pass holds the start of each part, and of each step of the part that it repeats
     many, few = _part(samples, every)
     whole = few == every
 
@@ -161,10 +166,10 @@ def _marched(plan: Plan, given: Given, factors: Factors) -> tuple[Record, tuple[
 
 
 def _part(samples: int, every: int) -> tuple[int, int]:
-    """Return how a run is cut into parts of about the root of all its steps.
+    """Return the size of a part of a run, about the root of the number of all its steps.
 
-    A part is a number of whole samples, which is returned with all steps of one; or a part of each sample, which is
-    returned after the number of all samples.
+    It is (samples of a part, `every`) if a part is a number of whole samples, and (`samples`, steps of a part) if a
+    part is a share of each sample.
     """
     parts = [(many, every) for many in _divisors(samples)]
     parts += [(samples, few) for few in _divisors(every)[:-1]]
@@ -184,7 +189,7 @@ _recorded = partial(jax.jit, static_argnums=0)(_marched)
 
 
 def _number(plan: Plan, objective: Objective, given: Given) -> Callable[[Factors], tuple[Any, tuple[_Looks, _Looks]]]:
-    """Return what reads a number off the record of factors, beside what was seen."""
+    """Return a function from factors to the objective of the record and the extremes of the run."""
 
     def number(factors: Factors) -> tuple[Any, tuple[_Looks, _Looks]]:
         found, looks = _marched(plan, given, factors)
@@ -195,21 +200,25 @@ def _number(plan: Plan, objective: Objective, given: Given) -> Callable[[Factors
 
 @partial(jax.jit, static_argnums=0)
 def _value_and_slope(plan: Plan, objective: Objective, given: Given, factors: Factors) -> Any:
+    """Return the objective with the extremes, and its gradient."""
     return jax.value_and_grad(_number(plan, objective, given), has_aux=True)(factors)
 
 
 @partial(jax.jit, static_argnums=0)
 def _along(plan: Plan, objective: Objective, given: Given, factors: Factors, direction: Factors) -> Any:
+    """Return the objective, its derivative along a direction, and the extremes."""
     return jax.jvp(_number(plan, objective, given), (factors,), (direction,), has_aux=True)
 
 
 @partial(jax.jit, static_argnums=0)
 def _slope_along(plan: Plan, objective: Objective, given: Given, factors: Factors, direction: Factors) -> Any:
+    """Return the gradient, its derivative along a direction, and the extremes."""
     return jax.jvp(jax.grad(_number(plan, objective, given), has_aux=True), (factors,), (direction,), has_aux=True)
 
 
 @partial(jax.jit, static_argnums=0)
 def _along_given(plan: Plan, objective: Objective, start: Start, ways: Start) -> Any:
+    """Return the objective, its derivatives along directions that are stacked in `ways`, and the extremes."""
     leaves, tree = jax.tree.flatten(start)
     smooth = [n for n, each in enumerate(leaves) if jnp.issubdtype(each.dtype, jnp.floating)]
 
@@ -226,7 +235,7 @@ def _along_given(plan: Plan, objective: Objective, start: Start, ways: Start) ->
 
 
 def record(run: Run, factors: Factors) -> Record:
-    """Return the record of a run, in arrays of NumPy.
+    """Return the record of a run, as NumPy arrays.
 
     Raises
     ------
@@ -241,23 +250,24 @@ def record(run: Run, factors: Factors) -> Record:
 def gradient(
     run: Run, objective: Objective, factors: Factors, *, kinks: bool = False
 ) -> tuple[float, dict[str, Floats]]:
-    """Return a number from the record of a run, and its gradient.
+    """Return a number of the record of a run, and its derivatives with respect to the factors, by name.
 
     Parameters
     ----------
     run : Run
     objective : callable
-        `Record` → a number, by functions of ``jax.numpy``; as a ``jax.tree_util.Partial`` it is compiled once for all
-        arrays of equal shapes that it holds.
+        `Record` → a number, computed by functions of ``jax.numpy``. A ``jax.tree_util.Partial`` is compiled once for
+        all arrays of equal shapes that it holds.
     factors : mapping
-        Factors by name, such as `Run.neutral`; factors that are not given have no effect and no gradient.
+        Factors by name, as from `Run.neutral`; a factor that is not given has no effect and no gradient.
     kinks : bool
-        Accept a run in which a contact opens, closes or slides; the effect of force jumps is left out.
+        Whether to accept a run in which a contact opens, closes or slides; the effect of force jumps is left out.
 
     Raises
     ------
     TheoryError
-        For such a run without `kinks`, and if spheres move so far that new contacts are possible.
+        If a contact opens, closes or slides and `kinks` is False, or if spheres move so far that new contacts are
+        possible.
     """
     (value, looks), slope = _value_and_slope(run.plan(factors), _traced(objective), run.given, on_device(dict(factors)))
     _refuse(_events(run, *looks), kinks)
@@ -265,7 +275,7 @@ def gradient(
 
 
 def bytes_of_gradient(run: Run, objective: Objective, factors: Factors) -> int:
-    """Return the memory that `gradient` needs on the device beside its input, from its compiled program."""
+    """Return the bytes that the compiled program of `gradient` needs on the device, beside its input."""
     found: Any = (
         _value_and_slope.lower(run.plan(factors), _traced(objective), run.given, on_device(dict(factors)))
         .compile()
@@ -279,7 +289,7 @@ def derivative(
 ) -> tuple[Any, Any]:
     """Return a readout of the record, of any shape, and its derivative along a direction of the factors.
 
-    Other parameters and errors are as for `gradient`.
+    Parameters and errors are otherwise as for `gradient`.
     """
     value, slope, looks = _along(
         run.plan(factors), _traced(objective), run.given, on_device(dict(factors)), on_device(dict(direction))
@@ -291,13 +301,14 @@ def derivative(
 def jacobian(
     run: Run, objective: Objective, factors: Factors, ways: Sequence[Start], *, kinks: bool = False
 ) -> tuple[Floats, Floats]:
-    """Return a readout of the record (N,), and its slopes (N, P) along changes of all numbers of a run.
+    """Return a readout of the record (N,), and its derivatives (N, P) along P directions.
 
     Parameters
     ----------
-    ways : P changes of `Run.given` and of the factors; changes of whole numbers, such as indices, are ignored.
+    ways : P directions, each a change of `Run.given` and of the factors; changes of integers, such as indices, are
+        ignored.
 
-    Other parameters and errors are as for `gradient`.
+    Parameters and errors are otherwise as for `gradient`.
     """
     start = run.given, on_device(dict(factors))
     stacked = jax.tree.map(lambda *each: jnp.stack(each), *ways)
@@ -311,7 +322,7 @@ def hessian_product(
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Return the gradient, and the product of the Hessian with a direction of the factors.
 
-    Other parameters and errors are as for `gradient`.
+    Parameters and errors are otherwise as for `gradient`.
     """
     slope, change, looks = _slope_along(
         run.plan(factors), _traced(objective), run.given, on_device(dict(factors)), on_device(dict(direction))
@@ -325,24 +336,25 @@ def _by_name(slope: Factors) -> dict[str, Floats]:
 
 
 def _refuse(known: "Events", kinks: bool) -> None:
-    """Raise TheoryError for a run with kinks that were not asked for, or in which spheres move too far."""
+    """Raise TheoryError if spheres move too far, or if the run has kinks and `kinks` is False."""
     if known.farthest > 1:
-        raise TheoryError("spheres move so far that others may touch, which a gradient does not search")
+        raise TheoryError("spheres move so far that new contacts are possible; a gradient does not search for them")
     if known.trouble and not kinks:
-        raise TheoryError(f"{known.trouble}; the gradient is that of one side: kinks = True takes it")
+        raise TheoryError(f"{known.trouble}; the gradient is one-sided there: kinks = True accepts it")
 
 
 class Events(NamedTuple):
-    """Contacts that opened, closed or slid in a run, and how near others came.
+    """Contacts that opened, closed or slid in a run, and how near the others came.
 
     Attributes
     ----------
-    parted, met : pairs (K,) that touched at the start and did not later, and the other way round.
-    slid : pairs that slid.
-    nearest : smallest overlap of pairs that touch, over the mean one of those at the start.
-    closest : the pair that has it.
-    hardest : largest share of the limit of friction; 0 without friction.
-    farthest : largest displacement over that at which pairs are searched again.
+    parted : (K,) pairs that touched at the start and opened later.
+    met : (K,) pairs that did not touch at the start and closed later.
+    slid : (K,) pairs that slid.
+    nearest : smallest overlap of a closed pair, over the mean overlap at the start.
+    closest : the pair with the smallest overlap.
+    hardest : largest ratio of a shear force to the limit of friction; 0 without friction.
+    farthest : largest displacement of a sphere over the displacement from which new contacts are possible.
     """
 
     parted: NDArray[np.intp]
@@ -355,19 +367,19 @@ class Events(NamedTuple):
 
     @property
     def trouble(self) -> str:
-        """Return what makes a kink, "" if nothing does."""
+        """Return a sentence on the contacts that make a kink, "" if there are none."""
         kinds = {"opened": self.parted, "closed": self.met, "slid": self.slid}
         found = [f"{len(which)} contacts {what}, first pair {which[0]}" for what, which in kinds.items() if len(which)]
         return "; ".join(found)
 
 
 def events(run: Run, factors: Factors) -> Events:
-    """Return which contacts opened, closed or slid in a run, and how near the others were."""
+    """Return which contacts opened, closed or slid in a run, and how near the others came."""
     return _events(run, *_recorded(run.plan(factors), run.given, on_device(dict(factors)))[1])
 
 
 def _events(run: Run, first: _Looks, last: _Looks) -> Events:
-    """Return the events between two looks."""
+    """Return the events of a run from its extremes at the start and over the whole run."""
     least, begun, hardest = (np.asarray(each) for each in (first.least, first.always, last.hardest))
     mean = float(least[begun].mean()) if begun.any() else np.inf
     return Events(

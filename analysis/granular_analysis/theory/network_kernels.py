@@ -1,21 +1,26 @@
-"""How the record of weak waves depends on each contact and sphere, by one run for each number that is recorded.
+"""Jacobian of the record of weak waves for each contact and sphere, from one more run for each recorded row.
 
-Where waves are so weak that forces are linear in the motion, and loads on contacts at rest may be left out, a change of
-stiffness k → k(1 + p) of contact c changes the displacement that is recorded at a sphere m along an axis by
+Let waves be so weak that forces are linear in the motion, and let the loads on contacts at rest be negligible. If the
+stiffness of contact c changes from k to k(1 + p_c), the displacement recorded at sphere m along an axis changes by
 
     ∂u_m(t)/∂p_c = −k ∫ ẽ_c(t − s) e_c(s) ds
 
-with the stretch e_c of the contact in the run, and ẽ_c in a run in which an impulse of 1 strikes the sphere m along
-that axis: forces of the contacts have an energy, so that what m feels of c is what c feels of m. The slip takes the
-place of the stretch for the shear stiffness, and for the density of a sphere the momenta do:
-∂u_m(t)/∂p_i = −∫ [m u̇̃_i·u̇_i + I ω̃_i ω_i] ds. The pull of a contact changes both of its stiffnesses by a third of its
-own relative change, as the overlap at rest goes with its power 2/3.
+Here e_c is the stretch of the contact in the run, and ẽ_c is its stretch in another run, in which a unit impulse
+strikes sphere m along that axis. The equation is reciprocity, which holds as the contact forces derive from an energy.
+For the shear stiffness, the slip replaces the stretch. For the density of sphere i, the momenta do:
 
-Integrals are sums over the samples of a run, by fast Fourier transforms. So all columns of the Jacobian take a run for
-each recorded row, where `granular_analysis.theory.network_gradient.derivative` takes one or two for each column.
+    ∂u_m(t)/∂p_i = −∫ [m u̇̃_i·u̇_i + I ω̃_i ω_i] ds
 
-When it breaks: it errs by the share of the wave in the overlaps at rest, and by (ωh)²/12 for samples h apart. It leaves
-out friction that slides. A search that takes it as its curvature, with the exact gradient, errs by none of it.
+A relative change of the pull of a contact changes both of its stiffnesses by a third as much, since the overlap at rest
+grows as the pull to the power 2/3.
+
+Integrals are sums over the samples of a run, by fast Fourier transforms. All columns of the Jacobian together need one
+run for each recorded row, while `granular_analysis.theory.network_gradient.derivative` costs four to eight runs for
+each column.
+
+When it breaks: the relative error is the ratio of the wave's overlaps to those at rest, plus (ωh)²/12 for samples h
+apart. Sliding friction is left out. A search that uses this Jacobian only as curvature, beside the exact gradient, ends
+at the exact minimum.
 
 Source: A. Tarantola, Geophysics 49, 1259 (1984).
 """
@@ -34,21 +39,22 @@ from granular_analysis.theory.network_state import Pairs, loaded
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-# By factor the powers with which the stiffnesses of a contact along its normal and across go with it
+# The normal and shear stiffness of a contact grow as these powers of each factor
 STIFFENS = {"normal_stiffness": (1.0, 0.0), "shear_stiffness": (0.0, 1.0), "adhesion": (1 / 3, 1 / 3)}
 FACTORS = (*STIFFENS, "density")
-_SMALL = 1e-4  # of the overlap, by which a slope is taken, and which an impulse moves a sphere
+_SMALL = 1e-4  # share of the overlap: step of a difference, and displacement by an impulse between two samples
 
 
 def kernels(run: Run, name: str, owners: Integers, errors: Floats) -> Iterator[tuple[int, int, Floats]]:
-    """Yield the row of the motion, the number of the recorded sphere, and the slopes (T + 1, P) of its record.
+    """Yield a row of the motion, the index of a recorded sphere, and the derivatives (T + 1, P) of its record.
 
     Parameters
     ----------
     run : Run
     name : one of `FACTORS`.
-    owners : (P,) the pairs, or the spheres, whose factors are varied.
-    errors : (T + 1, 2f, n) of the record, inf where it is not needed: rows without any are left out.
+    owners : (P,) pairs or spheres whose factor varies.
+    errors : (T + 1, 2f, n) errors of the record, inf where it is not needed; a row that is inf at all times is left
+        out, and so are turns and spins.
     """
     network, state = run.network, run.state
     still = replace(network, drives=(), held=network.mobility[0] == 0)
@@ -67,7 +73,7 @@ def kernels(run: Run, name: str, owners: Integers, errors: Floats) -> Iterator[t
                 motion[network.freedoms + axis, sphere] = small / apart
             here = _features(run, still, motion, name, owners)
             here[:, 0] /= 2
-            # Of an impulse 1, which gives a sphere the velocity 1/m
+            # Scaled to a unit impulse, which gives a sphere the velocity 1/m
             size = apart**2 / small / network.mass[sphere]
             found = -size * irfft((there * rfft(here, length, axis=1)).sum(axis=0), length, axis=0)[: run.samples + 1]
             for row, slopes in ((axis, found), (axis + network.freedoms, np.gradient(found, apart, axis=0))):
@@ -82,7 +88,7 @@ def _motions(run: Run, network: Network, motion: Floats) -> Floats:
 
 
 def _features(run: Run, network: Network, motion: Floats, name: str, owners: Integers) -> Floats:
-    """Return what is multiplied, (K, T + 1, P): stretch and slips of contacts, or velocities and spins of spheres."""
+    """Return the factors of the integrand, (K, T + 1, P): stretch and slips of contacts, or velocities and spins."""
     found, d, pairs = _motions(run, network, motion), network.dimension, run.state.pairs
     if name == "density":
         return np.moveaxis(found[:, network.freedoms :, owners], 1, 0)
@@ -100,7 +106,7 @@ def _features(run: Run, network: Network, motion: Floats, name: str, owners: Int
 
 
 def _weights(network: Network, pairs: Pairs, name: str, owners: Integers) -> Floats:
-    """Return what the products are multiplied by, (K, 1, P)."""
+    """Return the weights of the K products in the integrand, (K, 1, P): stiffnesses, or masses and inertias."""
     if name == "density":
         d, turns = network.dimension, network.freedoms - network.dimension
         inertia = network.inertia if network.rotation else 0 * network.inertia

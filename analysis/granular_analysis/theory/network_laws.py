@@ -1,17 +1,18 @@
-"""The normal force and the radius of a contact in the network: the laws of DMT and of JKR, each from A, B and F.
+"""Normal force and radius of a contact in the network by the DMT and JKR laws, from A and F.
 
 With the coefficients A = (4/3) E* √Rc and F = 2π w Rc of `granular_analysis.theory.network`, and the contact radius a,
 
     DMT    P = A δ^{3/2} − F,                    r = a/√Rc = √δ
     JKR    P = 3F (y² − y),  δ = d (3s⁴ − 2s),   r = √(3d) s²,     y = s³,  d = (3F/A)^{2/3}/3
 
-s is the largest root of a quartic whose resolvent is Cardano's: with x = δ/d
+s is the largest root of a quartic equation, found from a root u of its cubic resolvent (Cardano's formula): with
+x = δ/d
 
     s⁴ − (2/3) s − x/3 = 0,   s = ½ [√u + √(4/(3√u) − u)],   u³ + (4x/3) u = 4/9
 
-A contact of either law begins where the spheres overlap. By the DMT law it ends there. By the JKR law it ends where the
-pull is largest, (3/4) F at y = ½ and δ = −2^{−4/3} d, as in LAMMPS. Its energy is ∫P dδ from where it ends, so that
-it loses none when it opens; where a JKR contact begins, the energy falls at once by what the snap-in dissipates.
+A contact of either law closes at δ = 0. A DMT contact opens there too. A JKR contact opens where the pull is largest,
+(3/4) F at y = ½ and δ = −2^{−4/3} d, as in LAMMPS. The energy of a contact is ∫P dδ from the overlap at which it opens,
+so that opening loses no energy; when a JKR contact closes, the energy falls at once by the heat of the snap-in.
 """
 
 from typing import Literal
@@ -28,17 +29,17 @@ ADHESIONS: tuple[Adhesion, ...] = ("dmt", "jkr")
 
 
 class Dmt:
-    """DMT, and Hertz where F = 0; closed contacts only."""
+    """DMT law, which is Hertz's for F = 0, of contacts with the coefficients A = `hertz` and F = `adhesion`, (M,)."""
 
-    pull = 1.0  # the largest, in F
-    end = 0.0
-    lasts = False  # beyond where it begins
+    pull = 1.0  # largest pull, in units of F
+    end = 0.0  # overlap at which a closed contact opens
+    lasts = False  # whether a closed contact stays closed at some negative overlaps
 
     def __init__(self, hertz: Floats, adhesion: Floats) -> None:
         self.A, self.F = hertz, adhesion
 
     def closed(self, overlap: Floats, begun: Bools | bool) -> Bools:
-        """Return whether spheres touch that overlap so, and had begun to touch or not."""
+        """Return whether spheres with this overlap touch; `begun` says whether they touched before."""
         return overlap > 0
 
     def radius(self, overlap: Floats, closed: Bools) -> Floats:
@@ -50,7 +51,7 @@ class Dmt:
         return self.A * overlap * radius - self.F * closed
 
     def overlap(self, repulsion: Floats) -> Floats:
-        """Return the overlap δ = ((P + F)/A)^{2/3} of a contact that repels so."""
+        """Return the overlap δ = ((P + F)/A)^{2/3} of a contact with this repulsion P."""
         return ((repulsion + self.F) / self.A) ** (2 / 3)
 
     def energy(self, overlap: Floats, radius: Floats) -> Floats:
@@ -63,7 +64,7 @@ class Dmt:
 
 
 class Jkr:
-    """JKR of contacts that adhere, F > 0."""
+    """JKR law of contacts that adhere, F > 0; attributes as for `Dmt`, and depth = d."""
 
     pull = 0.75
     lasts = True
@@ -74,7 +75,7 @@ class Jkr:
         self.end = -(2 ** (-4 / 3)) * self.depth
 
     def closed(self, overlap: Floats, begun: Bools | bool) -> Bools:
-        """Return whether spheres touch that overlap so, and had begun to touch or not."""
+        """Return whether spheres with this overlap touch; `begun` says whether they touched before."""
         return (overlap > 0) | (begun & (overlap > self.end))
 
     def radius(self, overlap: Floats, closed: Bools) -> Floats:
@@ -87,7 +88,7 @@ class Jkr:
         root = xp.sqrt(u)
         s = (root + xp.sqrt(4 / (3 * root) - u)) / 2
         cube = s * s * s
-        s = s - (3 * cube * s - 2 * s - x) / (12 * cube - 2)  # digits that cancel in u where x is large
+        s = s - (3 * cube * s - 2 * s - x) / (12 * cube - 2)  # restores the digits that cancel in u at large x
         return closed * xp.sqrt(3 * self.depth) * s**2
 
     def repulsion(self, overlap: Floats, radius: Floats, closed: Bools) -> Floats:
@@ -97,7 +98,7 @@ class Jkr:
         return 3 * self.F * (y * y - y)
 
     def overlap(self, repulsion: Floats) -> Floats:
-        """Return the overlap δ = d (3s⁴ − 2s), s³ = y, of a contact that repels so, if it would hold being pulled."""
+        """Return the overlap δ = d (3s⁴ − 2s), s³ = y, of a contact with this repulsion P, on the branch y ≥ ½."""
         xp = module_of(repulsion)
         s = xp.cbrt((1 + xp.sqrt(1 + 4 * repulsion / (3 * self.F))) / 2)
         return self.depth * (3 * s**4 - 2 * s)

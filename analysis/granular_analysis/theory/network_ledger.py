@@ -1,21 +1,21 @@
-"""Energy and momentum of a packing of spheres, and the work by which its contact laws change the energy.
+"""Energy of a packing of spheres, and the work by which its contact laws change the energy.
 
-The laws of `granular_analysis.theory.network` have no potential. With the stiffness k = B δ^{1/2} of a contact against
-shear,
+The laws of `granular_analysis.theory.network` have no potential. With the shear stiffness k = B δ^{1/2} of a contact,
+the energy is
 
     E = Σ ½m v² + ½I ω² + Σ (2/5)A δ^{5/2} − F δ + ½S²/k
 
-(with ∫P dδ of `granular_analysis.theory.network_laws` by the JKR law) changes by the work W of the shear law, + for the
-secant one and − for the incremental one, and of LAMMPS's lever arm, which is R for the slip and R − δ/2 for the torque
-of two spheres:
+where JKR contacts have ∫P dδ of `granular_analysis.theory.network_laws` in place of (2/5)A δ^{5/2} − F δ. Two terms of
+the laws change E by the work W: the shear law (+ for the secant law, − for the incremental one), and the lever arm of
+LAMMPS, which for two spheres is R in the slip but R − δ/2 in the torque:
 
     dW/dt = Σ ±½ (dk/dδ)(S/k)² dδ/dt − (δ/2)(n × S)·(ω_i + ω_j)
 
-and by that of what pushes or moves spheres from outside. E − W is constant where nothing slides, nothing is damped and
-no held sphere moves by itself. Sliding, dashpots and drag let it fall, by the heat. S is the force of the spring, but
-for the lever arm, on which the whole shear force acts.
+The work of external pushes and prescribed motions adds to W. E − W is constant if no contact slides, nothing is damped
+and no held sphere moves by itself. Sliding, dashpots and drag lower E − W by the heat. S is the force of the spring,
+except in the term of the lever arm, on which the whole shear force acts.
 
-Breaks where a contact of the incremental law opens: ½S²/k has no bound there.
+When it breaks: where a contact of the incremental law opens, since ½S²/k has no bound there.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from granular_analysis.theory.network_tangents import dot, module_of, quotient
 
 @dataclass(frozen=True)
 class Energy:
-    """Kinetic energy, ∫f_N of the contacts (0 where they open), and ½S²/k of their shear."""
+    """Energy of a state: kinetic, ∫P dδ of the contacts (0 where they open), and ½S²/k of their shear."""
 
     kinetic: float
     normal: float
@@ -43,14 +43,14 @@ class Energy:
 
 
 def energy(network: Network, state: State) -> Energy:
-    """Return the energy of a state; that of held spheres is left out, no force ever changes it."""
+    """Return the energy of a state, without the kinetic energy of held spheres, which no force ever changes."""
     now = present(network, state)
     normal = state.pairs.normal.energy(now.overlap, now.radius)
     return Energy(kinetic_energy(network, state), float(normal.sum()), float(dot(now.spring, slip(now)).sum()) / 2)
 
 
 def kinetic_energy(network: Network, state: State) -> float:
-    """Return Σ ½m v² + ½I ω² of the spheres that are free."""
+    """Return Σ ½m v² + ½I ω² over the free spheres."""
     free = network.mobility[0] > 0
     velocity, spin = np.split(state.motion[network.freedoms :], [network.dimension])
     speeds = network.mass * dot(velocity, velocity) + network.inertia * dot(spin, spin)
@@ -58,7 +58,7 @@ def kinetic_energy(network: Network, state: State) -> float:
 
 
 def work_rate(network: Network, pairs: Pairs, now: Contacts) -> Any:
-    """Return dW/dt of the shear law and of the lever arm: the equation at the top of this module."""
+    """Return dW/dt of the shear law and the lever arm: the equation at the top of this module."""
     # ½ (dk/dδ)(S/k)² = ½ (S²/k) d(ln k)/dδ, and k ∝ a
     work = 2 * now.stiffness * pairs.normal.spreading(now.overlap, now.radius)
     law = dot(now.normal, now.rate) * quotient(dot(now.spring, now.spring), work, work > 0, 0.0)

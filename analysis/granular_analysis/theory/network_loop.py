@@ -1,7 +1,7 @@
-"""Contacts of a network of any law, in the plane and in space, in one call of `granular_analysis.theory.loops`.
+"""Contacts of a network, under any law, in the plane or in space, in one call of `granular_analysis.theory.loops`.
 
-The formulas are those of `granular_analysis.theory.network_state.contacts` and `resultants`, which are the reference:
-some hundred calls of NumPy, of a microsecond each, for a few hundred contacts.
+The reference is `granular_analysis.theory.network_state.contacts` and `resultants`, which has the same formulas. It
+takes about a hundred calls of NumPy, a microsecond each, for a few hundred contacts.
 """
 
 import ctypes
@@ -21,7 +21,7 @@ Acting = Callable[[Floats, Floats, Floats, Floats], tuple[float, bool]]
 
 
 class Contacts(ctypes.Structure):
-    """`Contacts` of loops.c, and the arrays that it points to, which live as long."""
+    """`Contacts` of loops.c; `arrays` keeps alive the memory to which it points."""
 
     arrays: list[NDArray[Any]]
     _fields_ = [
@@ -34,7 +34,10 @@ class Contacts(ctypes.Structure):
 
 
 def contacts_of(network: Network, pairs: Pairs, begun: NDArray[np.bool_], step: float = 0.0) -> Contacts:
-    """Return what the loops take of pairs and of whether they touch, for steps of velocity Verlet or, with 0, none."""
+    """Return the pairs, and whether they touch (M,), as the loops need them.
+
+    step : length of a step of velocity Verlet; 0 for the rates of a motion alone.
+    """
     ends = (pairs.first, pairs.second, pairs.apart, pairs.length, pairs.overlap, pairs.radii, pairs.shortened)
     arrays = [np.ascontiguousarray(each) for each in (*ends, pairs.mass, pairs.A, pairs.B, pairs.F, pairs.frame, begun)]
     data = Contacts(
@@ -50,11 +53,12 @@ def contacts_of(network: Network, pairs: Pairs, begun: NDArray[np.bool_], step: 
 
 
 def contact_loop(network: Network, state: State) -> Acting | None:
-    """Return what writes forces and torques (f, N) and rates of the memory of contacts; None without compiled loops.
+    """Return a function that computes forces and memory rates of contacts, or None without compiled loops.
 
-    It takes a motion (2f, N), the memory (d − 1, M), and the arrays of both results. It returns dW/dt of the ledger,
-    and whether the motion is settled: no contact slides, has begun or ended, or has yet to forget its slip. Pairs, and
-    whether they had begun to touch, are those of `state`.
+    The function takes a motion (2f, N), the memory (d − 1, M), and two arrays into which it writes: forces and torques
+    (f, N), and rates of the memory (d − 1, M). It returns dW/dt of `granular_analysis.theory.network_ledger`, and
+    whether the motion is settled: no contact slides, has opened or closed, or is open with a slip to forget. It uses
+    the pairs of `state`, and whether they touched there.
     """
     loop = loops.library()
     if loop is None:

@@ -1,17 +1,18 @@
 """Motion of a packing of spheres by an error-controlled Runge–Kutta method.
 
-The laws are those of `granular_analysis.theory.network`. LAMMPS uses velocity Verlet with a fixed step. Here it is
-DOP853, of order 8, with steps from its error estimate; the state includes the slip of every contact and the work W of
-the balance E − W. After every step an open contact forgets its slip, and a sliding contact keeps the slip at its limit.
-If a sphere has moved far enough for new contacts, the step is undone and the pairs are searched again.
+The laws are those of `granular_analysis.theory.network`. LAMMPS uses velocity Verlet with a fixed step; this module
+uses DOP853, of order 8, whose error estimate sets the steps. The integrated state includes the slip of every contact
+and the work W of the balance E − W (`granular_analysis.theory.network_ledger`). After every step an open contact
+forgets its slip, and a sliding contact keeps the slip at its limit. If a sphere has moved far enough for new contacts,
+the step is undone and the pairs are searched again.
 
 Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.2 µs of processor time
 per contact, a tenth of that in the compiled loop (`granular_analysis.theory.network_loop`). A wave in a crystal needs 7
-(rtol 1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0.
+(rtol 1e-6), 16 (1e-9) or 27 (1e-11) evaluations per unit of time t0.
 
-Breaks if many events occur in a large network: the adhesive force jumps when a contact opens or closes, and every jump
-costs all spheres about thirty evaluations. For 1e4 spheres of unequal radii (3e-4) released out of equilibrium it takes
-1 ms per sphere and t0. A contact that opens and closes again within a step keeps its slip. The force is not smooth
+When it breaks: if many contacts open or close in a large network. The adhesive force then jumps, and every jump costs
+all spheres about thirty evaluations. A packing of 1e4 spheres of unequal radii (3e-4) released out of equilibrium takes
+1 ms per sphere and t0. A contact that opens and closes again within one step keeps its slip. The force is not smooth
 where a contact closes, and the error estimate misses up to 1e5 times rtol in one impact. Sliding is resolved to second
 order in the step (first order in space with dashpots), which the error estimate does not include: with friction, halve
 `longest_step` and compare.
@@ -36,21 +37,23 @@ __all__ = ["integrate"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
-_FIRST = 0.3  # step, of the longest: rules for a first step by the slopes alone depend on the units
+_FIRST = 0.3  # first step over the longest one; a rule from slopes alone would depend on the units
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Motion of chosen spheres and the ledger of the whole network at T times.
+    """Motion of chosen spheres, and energy and work of the whole network, at T times.
 
     Attributes
     ----------
-    times : (T,).
-    spheres : (n,) indices of those recorded.
-    motion : (T, 2f, n) displacement, turn, velocity, spin of the f freedoms of a sphere, as of `State`.
-    energy, work : (T,) E, and W since the start; initial_energy is E there.
+    times : (T,) times.
+    spheres : (n,) indices of the recorded spheres.
+    motion : (T, 2f, n) displacement, turn, velocity, spin, in the rows of `State.motion`.
+    energy, work : (T,) E, and W since the start (`granular_analysis.theory.network_ledger`).
+    initial_energy : E at the start.
     final : state at the last time.
-    steps, evaluations : number of steps that were kept, and of evaluations of all forces.
+    steps : number of steps that were kept.
+    evaluations : number of evaluations of all forces.
     """
 
     times: Floats
@@ -70,7 +73,7 @@ class Trajectory:
 
     @property
     def rotation(self) -> Floats:
-        """Return the turns (T, n, 1), (T, n, 3) in space."""
+        """Return the turns: (T, n, 1) in the plane, (T, n, 3) in space."""
         return self._rows(0, 1)
 
     @property
@@ -80,7 +83,7 @@ class Trajectory:
 
     @property
     def spin(self) -> Floats:
-        """Return the spins (T, n, 1), (T, n, 3) in space."""
+        """Return the spins: (T, n, 1) in the plane, (T, n, 3) in space."""
         return self._rows(1, 1)
 
     def _rows(self, rate: int, turning: int) -> Floats:
@@ -89,26 +92,27 @@ class Trajectory:
 
     @property
     def heat(self) -> Floats:
-        """Return the energy (T,) lost to sliding and dashpots, E(0) + W − E; without them it is the error."""
+        """Return the energy (T,) lost to sliding, dashpots and drag, E(0) + W − E; without these, it is the error."""
         return self.initial_energy + self.work - self.energy
 
 
 def scales(network: Network, state: State) -> tuple[float, float]:
-    """Return the length and the speed that errors are relative to.
+    """Return the length x and the speed v to which errors are relative.
 
-    They are the largest displacement (or Rθ) and speed (or Rω) of the state, or what one makes of the other, or the
-    forces of both, at the fastest rate √(k/m) of a contact. The length is at most what a Hertz contact makes of them,
-    the depth (mv²/A)^{2/5} of a collision, or (ma/A)^{2/3} under a force: spheres that touch by rounding have no rate.
+    Let r = √(k/m) be the fastest rate of a contact. x is the largest displacement (or Rθ) of the state, or v/r or a/r²
+    if these are larger, with the largest acceleration a (or Rω̇); v is the largest speed (or Rω), or xr if that is
+    larger. The size of a drive counts in x or in a. Contacts that only just touch have almost no rate, so v/r counts as
+    at most the depth (mv²/A)^{2/5} of a Hertz collision, and a/r² as at most the depth (ma/A)^{2/3} under a force.
 
-    Raises ValueError for a state at rest without forces, in which nothing will move.
+    Raises TheoryError for a state at rest without forces, in which nothing will move.
     """
     motion, pairs = state.motion, state.pairs
     now = present(network, state)
     inverse_mass = np.append(network.mobility[0], np.zeros(len(network.walls)))
-    pull = np.abs(np.array(resultants(pairs, now))) * network.mobility
+    accelerations = np.abs(np.array(resultants(pairs, now))) * network.mobility
     arms = _arms(network)
-    length, speed, acceleration = (float(np.max(np.abs(each) * arms)) for each in (*np.split(motion, 2), pull))
-    stiffness = 1.5 * pairs.A * now.radius  # A Hertz contact of that radius is stiffer than one that adheres
+    length, speed, acceleration = (float(np.max(np.abs(each) * arms)) for each in (*np.split(motion, 2), accelerations))
+    stiffness = 1.5 * pairs.A * now.radius  # a Hertz contact of this radius is stiffer than an adhesive one
     for each in network.drives:
         lever = arms[each.component, each.spheres]
         reached = float(
@@ -136,26 +140,28 @@ def integrate(
     spheres: ArrayLike | None = None,
     longest_step: float = np.inf,
 ) -> Trajectory:
-    """Return the motion from `state`, at time 0, at the given times.
+    """Return the motion at the given times; `state` is the motion at time 0.
 
     Parameters
     ----------
-    network, state : state from `network.start`, or the final state of another run.
+    network : network.
+    state : from `granular_analysis.theory.network_state.start`, or the final state of another run.
     times : (T,) ascending, not negative.
-    rtol : error of a step relative to `scales` and to the motion so far, root mean square over the network. Use a
-        smaller value if few spheres of many move (by the root of their share), or if all fly or turn together much
+    rtol : error of a step, root mean square over the network, relative to `scales` and to the motion so far. Use a
+        smaller value if only a share s of the spheres moves (by √s), or if all spheres fly or turn together much
         farther than the overlaps (by this ratio).
-    spheres : indices of those to record; all if None.
+    spheres : (n,) indices of the spheres to record; None: all.
     longest_step : bound on the step, for networks with friction. No step is longer than two thirds of a collision.
 
-    Raises ValueError for times out of order or a network where nothing moves, RuntimeError if the integration fails.
+    Raises TheoryError for times out of order or a network in which nothing moves, RuntimeError if the integration
+    fails.
     """
     times = np.asarray(times, dtype=float)
     if times.ndim != 1 or times.size == 0 or times[0] < 0 or np.any(np.diff(times) <= 0):
         raise TheoryError("times must be one-dimensional, not empty, not negative and ascending")
     chosen = np.arange(len(network.position)) if spheres is None else np.asarray(spheres, dtype=np.intp)
     length, speed = scales(network, state)
-    # A collision lasts three times the depth over the speed. Spheres in free flight give no error to shorten a step by.
+    # A collision lasts three times its depth over the speed; free flight gives no error that would shorten a step
     longest_step = min(longest_step, 2 * length / speed, *(each.longest for each in network.drives))
     samples: list[tuple[Floats, float, float]] = []
     rates = _Rates(network, state)
@@ -181,7 +187,7 @@ def integrate(
             step(solver)
             reached = _at(network, state, solver.t, solver.y)
             if _farthest(reached) > network.margin / 2:
-                # Contacts may have been missed: back to before the step, with other pairs and a shorter step
+                # Contacts may have been missed: return to before the step, search pairs and take a shorter step
                 state = searched_again(network, _at(network, state, solver.t_old, solver.y_old))
                 time, work, first = solver.t_old, solver.y_old[-1], solver.step_size / 2
                 break
@@ -203,43 +209,44 @@ def _packed(state: State, work: float) -> Floats:
 
 
 def _at(network: Network, state: State, time: float, y: Floats) -> State:
-    """Return the motion and shear in a packed state, with the pairs of a state and those that had begun then."""
+    """Return the state of packed numbers y at a time, with the pairs and `begun` of `state`."""
     cut = state.motion.size
     motion = imposed(network.drives, time, y[:cut].reshape(state.motion.shape))
     return replace(state, motion=motion, shear=y[cut:-1].reshape(state.shear.shape))
 
 
 def _arms(network: Network) -> Floats:
-    """Return what makes lengths of displacements and turns, (f, N): 1 and R."""
+    """Return the factors (f, N) that make lengths of displacements and turns: 1 and R."""
     turns = network.freedoms - network.dimension
     return np.stack([np.ones_like(network.radius)] * network.dimension + [network.radius] * turns)
 
 
 def _sizes(network: Network, state: State, length: float, speed: float) -> Floats:
-    """Return the size of each entry of the packed state; that of the work is infinite, so it does not rule the step."""
+    """Return the size of each entry of the packed state; the work has size inf and so does not limit the step."""
     arms = _arms(network)
     shear = np.full(state.shear.shape, length)
     if network.law == "incremental":
         pairs = state.pairs
         stiffness = pairs.B * np.sqrt(np.maximum(pairs.overlap, length))
-        shear *= np.where(stiffness > 0, stiffness, 1.0)  # contacts without shear have a memory that stays 0
+        shear *= np.where(stiffness > 0, stiffness, 1.0)  # without shear stiffness the memory stays 0
     return np.concatenate([(length / arms).ravel(), (speed / arms).ravel(), shear.ravel(), [np.inf]])
 
 
 def _farthest(state: State) -> float:
-    """Return the longest way of a sphere since its pairs were searched."""
+    """Return the largest distance that a sphere has moved since the pairs were searched."""
     way = state.motion[: len(state.pairs.place)] - state.pairs.place
     return float(np.sqrt(np.max(dot(way, way))))
 
 
 class _Rates:
-    """Time derivative of the packed state, from one settled state on, by `granular_analysis.theory.network`.
+    """Time derivative of the packed state by the laws of `granular_analysis.theory.network`.
 
     Attributes
     ----------
-    evaluations : how many there were.
-    loop : the compiled loop, None where there is none.
-    plain : whether by that loop the state of the last evaluation was settled.
+    start : settled state whose pairs and `begun` are used.
+    evaluations : number of evaluations so far.
+    loop : the compiled loop, or None.
+    plain : whether the loop found the state of the last evaluation settled; False without a loop.
     """
 
     def __init__(self, network: Network, start: State) -> None:
@@ -261,7 +268,7 @@ class _Rates:
             rate[-1] += np.sum(push * motion[freedoms:])
             load += push
             for each in network.drives:
-                if each.moves:  # what moves a sphere bears the forces of its contacts
+                if each.moves:  # a prescribed motion does work against the contact forces
                     rate[-1] -= np.sum((load * motion[freedoms:])[:, each.spheres])
         load *= network.mobility
         if network.drag is not None:
@@ -270,7 +277,7 @@ class _Rates:
         return rate
 
     def _act(self, motion: Floats, shear: Floats, load: Floats, shear_rate: Floats) -> float:
-        """Write forces and torques, and the rates of the shear of contacts; return dW/dt of the ledger."""
+        """Write forces and torques to `load`, and shear rates to `shear_rate`; return dW/dt of the ledger."""
         if self.loop:
             power, self.plain = self.loop(motion, shear, load, shear_rate)
             return power
@@ -280,7 +287,7 @@ class _Rates:
         return float(work_rate(self.network, self.start.pairs, now))
 
     def settled(self, reached: State) -> tuple[State, bool]:
-        """Return the state of the last evaluation settled, and whether it was so: if not, its slope is another."""
+        """Return the state of the last evaluation, settled, and whether it already was: if not, its slope differs."""
         if self.plain:
             return reached, True
         state = settled(self.network, reached)
@@ -291,5 +298,5 @@ class _Rates:
 
 
 def _tilting(turn: Floats, spin: Floats) -> Floats:
-    """Return dg/dt − ω (3, N) of turns g, which are 2 tan(ϑ/2) times an axis: ½ω × g + ¼(ω·g) g."""
+    """Return dg/dt − ω = ½ω × g + ¼(ω·g) g, (3, N), for turns g, which are 2 tan(ϑ/2) times the axis."""
     return crossed(spin, turn) / 2 + dot(spin, turn) * turn / 4

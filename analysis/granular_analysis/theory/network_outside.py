@@ -1,7 +1,8 @@
 """Drives of a packing of spheres: pushes and prescribed motions.
 
-A drive is a signal over time: a force along x, y or z, a torque, or the displacement or turn of spheres, which then do
-nothing else. Their velocity is the slope of the signal, by differences that err by 1e-10 of it.
+A drive is a signal over time. It is a force along x, y or z, a torque, or a prescribed displacement or turn of spheres,
+which then ignore all forces. The velocity of a prescribed motion is the slope of the signal, by differences with a
+relative error of 1e-10.
 """
 
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Function = Callable[[Floats], Floats]
-# Steps of the five-point difference, and its weights: truncation and rounding both leave 1e-10 at h/longest = 1e-3
+# Points and weights of the five-point difference; at h/longest = 1e-3, truncation and rounding each leave 1e-10
 _STENCIL = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
 _SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
 _STEP = 1e-3
@@ -25,14 +26,16 @@ class Drive:
 
     Attributes
     ----------
-    spheres : (n,) indices.
-    component : 0 and 1 along x and y, 2 turning; in space 0 to 2 along x, y and z, 3 to 5 turning about them.
-    signal : of times (T,): a force, a torque, a displacement or an angle.
-    moves : whether it prescribes the motion.
-    longest : time in which the signal changes; no step of an integration is longer.
-    size : largest value of the signal.
-    share : (n,) factors of the signal on each sphere.
-    rate : velocity that contacts see in a step of `network_verlet`, at its end as of ``fix move``; None: its mean.
+    spheres : (n,) indices of the spheres.
+    component : row of the motion. In the plane 0 and 1 are x and y, 2 the rotation; in space 0 to 2 are x, y and z, 3
+        to 5 the rotations about them.
+    signal : times (T,) → forces, torques, displacements or angles (T,).
+    moves : whether the signal prescribes the motion; otherwise it is a force or torque.
+    longest : time over which the signal changes; no step of `network_motion` is longer.
+    size : largest absolute value of the signal.
+    share : (n,) factor of the signal on each sphere.
+    rate : times (T,) → velocities that contacts see in a step of `network_verlet`, those at its end as with ``fix
+        move``; None: the mean velocity over the step.
     """
 
     spheres: Integers
@@ -52,7 +55,7 @@ class Drive:
 
 
 def pushes(drives: tuple[Drive, ...], time: float, shape: tuple[int, int]) -> Floats:
-    """Return the forces and torques of all drives at a time, of a shape (freedoms, N)."""
+    """Return the forces and torques of all drives at a time, in the given shape (f, N)."""
     total = np.zeros(shape)
     for each in drives:
         if not each.moves:
@@ -61,7 +64,7 @@ def pushes(drives: tuple[Drive, ...], time: float, shape: tuple[int, int]) -> Fl
 
 
 def imposed(drives: tuple[Drive, ...], time: float, motion: Floats) -> Floats:
-    """Return a motion (2·freedoms, N) with what drives prescribe at a time; itself if they prescribe nothing."""
+    """Return the motion (2f, N) with all prescribed rows set at a time; the same array if nothing is prescribed."""
     moving = [each for each in drives if each.moves]
     if not moving:
         return motion

@@ -1,11 +1,11 @@
 """Packing of spheres at one moment: its motion, the pairs that may touch, and the forces of contacts.
 
-The laws are those of `granular_analysis.theory.network`, in its terms. Spheres in d dimensions have f freedoms: x, y
-and the rotation about z in the plane, three translations and three rotations in space. Rotations in space are 2
-tan(ϑ/2) times the axis of the rotation ϑ, as from a quaternion; forces do not depend on them.
+The laws and their symbols are those of `granular_analysis.theory.network`. A sphere in d dimensions has f degrees of
+freedom: x, y and the rotation about z in the plane, three translations and three rotations in space. A rotation by the
+angle ϑ in space is stored as the vector 2 tan(ϑ/2) times its axis, as from a quaternion; forces do not depend on it.
 
-A wall is the second body of a pair: a held sphere with `_FAR` times the radius of the first, whose normal turns by 1e-9
-of the displacement of the first, relative to R.
+A wall is the second body of a pair. It acts as a held sphere whose centre is `_FAR` radii R of the first sphere away,
+so its normal turns by only 1e-9 of u/R for a displacement u of the first.
 """
 
 from dataclasses import dataclass, replace
@@ -42,28 +42,29 @@ __all__ = ["start"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Bools = NDArray[np.bool_]
-_FAR = 1e9  # a plane, in radii of the sphere on it
+_FAR = 1e9  # distance of the centre of a wall, in radii of the sphere that touches it
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """M pairs of spheres that touch or may do so before the next search.
+    """M pairs of spheres that touch, or may touch before the next search.
 
     Attributes
     ----------
-    first, second : (M,) indices of the spheres.
-    apart : (d, M) from first to second at rest, to the image of second that is near; its length (M,).
-    overlap : (M,) at rest, negative for a gap.
-    radii : (2, M) of first and second, the second 0 of a wall.
-    shortened : (M,) by how much of the overlap an arm is shorter than its radius: ½, and 0 on a wall.
-    mass : (M,) reduced, 1/(1/m + 1/m) of both; a held sphere is as heavy as a wall.
+    first, second : (M,) indices of the spheres; walls follow the spheres, and are always second.
+    apart : (d, M) vector at rest from the first sphere to the nearest periodic image of the second.
+    length : (M,) length of `apart`.
+    overlap : (M,) overlap at rest, negative for a gap.
+    radii : (2, M) radii of first and second; 0 for a wall.
+    shortened : (M,) the lever arm is the radius minus this share of the overlap: ½, and 0 on a wall.
+    mass : (M,) reduced mass 1/(1/m_i + 1/m_j); a held sphere has infinite mass, as a wall has.
     A, B, F : (M,) coefficients of the contacts.
-    place : (d, N) displacements at which the search was made.
-    frame : of the tangents (`granular_analysis.theory.network_tangents`).
+    place : (d, N) displacements at the time of the search.
+    frame : frames of the tangents (`granular_analysis.theory.network_tangents`).
     normal : law of the normal forces.
-    gathered : (K, N) which pairs each sphere has, of at most K: m as the first of pair m, M + m as the second, and 2M
-        for none.
-    damping : factor of the dashpots, one or (M,).
+    gathered : (K, N) ends of pairs at each sphere, which has at most K of them: m for the first sphere of pair m, M + m
+        for the second, 2M where there are fewer than K.
+    damping : factor of the dashpots, one number or (M,).
     """
 
     first: Integers
@@ -90,11 +91,12 @@ class State:
 
     Attributes
     ----------
-    motion : (2f, N): displacement, turn, velocity, spin; x, y, θ, v_x, v_y, ω in the plane.
+    motion : (2f, N) rows of displacement, turn, velocity and spin; in the plane x, y, θ, v_x, v_y, ω.
     pairs : the candidates for contacts.
-    shear : (d − 1, M) slip of the pairs along their tangents, or their shear force under the incremental law; 0 where
-        open.
-    begun : (M,) whether the pairs have touched and not parted since: by the JKR law these hold beyond an overlap of 0.
+    shear : (d − 1, M) slip of the pairs along their tangents, or the force of the shear spring under the incremental
+        law; 0 where open.
+    begun : (M,) whether the pairs have closed and not opened since; such JKR contacts stay closed at some negative
+        overlaps.
     """
 
     motion: Floats
@@ -104,10 +106,13 @@ class State:
 
 
 class Meetings(NamedTuple):
-    """How the spheres of the pairs meet at one moment, in the terms of `Contacts`.
+    """Geometry and velocities of the pairs at one moment, before any force; names as in `Contacts`, and two more.
 
-    `distance` (M,) is that of the centres, and `across` of d − 1 parts the velocity of the second less that of the
-    first sphere along the tangents, without their spins.
+    Attributes
+    ----------
+    distance : (M,) distance of the centres.
+    across : d − 1 components along the tangents of the velocity of the second sphere minus that of the first, without
+        spins.
     """
 
     overlap: Floats
@@ -124,23 +129,25 @@ class Meetings(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """State of the M pairs at one moment, by the terms of `granular_analysis.theory.network`; 0 where open.
+    """State of the M pairs at one moment, in the symbols of `granular_analysis.theory.network`; no forces where open.
 
-    Vectors are their components, (M,) each, d of them; along the tangents d − 1; of turns one or three.
+    A vector is a tuple of components, each (M,): d components in general, d − 1 along the tangents, and for a rotation
+    one in the plane or three in space.
 
     Attributes
     ----------
     overlap : (M,) δ, 0 where open.
-    normal : vector.
-    tangents : of the normals.
-    closed : (M,) whether they touch.
-    radius : (M,) a/√Rc, δ^{1/2} by the DMT law.
-    stiffness : (M,) k = B a/√Rc.
-    repulsion, shear : P (M,), and S along the tangents.
-    twist : n × S, of turns.
-    spring : S less its dashpot, along the tangents.
-    rate : velocity of the second sphere less that of the first.
-    spins : sum of their spins.
+    normal : n, d components.
+    tangents : tangents of the normals.
+    closed : (M,) whether the spheres touch.
+    radius : (M,) a/√Rc, which is δ^{1/2} for the DMT law.
+    stiffness : (M,) k = B a/√Rc against shear.
+    repulsion : (M,) P.
+    shear : S along the tangents.
+    twist : n × S, a rotation.
+    spring : S minus its dashpot, along the tangents.
+    rate : velocity of the second sphere minus that of the first, d components.
+    spins : sum of the spins, a rotation.
     slip_rate : ds/dt along the tangents.
     memory_rate : rate of `State.shear`.
     """
@@ -162,7 +169,7 @@ class Contacts(NamedTuple):
 
 
 def search(network: Network, displacement: Floats) -> Pairs:
-    """Return all pairs with gaps below the margin, for spheres displaced by (d, N)."""
+    """Return all pairs whose gap is below the margin, for spheres with displacements (d, N)."""
     from scipy.spatial import cKDTree  # slow to import, and only networks need it
 
     period = np.array(network.cell)
@@ -170,7 +177,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
     place = network.position + displacement.T
     box = np.where(periodic, period, 0.0)
     wrapped = np.where(periodic, np.mod(place, np.where(periodic, period, 1.0)), place)
-    wrapped[periodic & (wrapped >= period)] = 0.0  # np.mod of a tiny negative number is the period itself
+    wrapped[periodic & (wrapped >= period)] = 0.0  # np.mod maps a tiny negative number to the period itself
     found = cKDTree(wrapped, boxsize=box).query_pairs(network.reach, output_type="ndarray")
     first, second = found.T
     order = np.lexsort((second, first))
@@ -205,7 +212,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
 
 
 def _gathered(first: Integers, second: Integers, spheres: int) -> Integers:
-    """Return `Pairs.gathered` for pairs of this many spheres; walls, which follow them, gather nothing."""
+    """Return `Pairs.gathered` for a number of spheres; walls, whose indices follow, gather nothing."""
     ends = np.concatenate([first, second])
     order = np.argsort(ends, kind="stable")
     count = np.bincount(ends, minlength=spheres)
@@ -217,7 +224,7 @@ def _gathered(first: Integers, second: Integers, spheres: int) -> Integers:
 
 
 def _reached(network: Network, wall: Wall, number: int, displacement: Floats) -> list[Floats | Integers]:
-    """Return the pairs of spheres near a wall, the body of a number: `Pairs` from first to F."""
+    """Return the pairs of spheres near a wall with the index `number`: the fields of `Pairs` from `first` to `F`."""
     beyond, normal = wall.beyond(network.position), np.array(wall.normal)
     spheres = np.flatnonzero(network.radius + beyond + normal @ displacement > -network.margin)
     own, mass = network.radius[spheres], network.mass[spheres]
@@ -228,7 +235,7 @@ def _reached(network: Network, wall: Wall, number: int, displacement: Floats) ->
 
 
 def with_walls(network: Network | Traits, motion: Vector) -> Vector:
-    """Return rows (N,) of a motion, with those of the walls behind them if there are any."""
+    """Return the rows (N,) of a motion, each extended by zeros for the walls if there are any."""
     if not network.walls:
         return motion
     xp = module_of(motion[0])
@@ -236,7 +243,7 @@ def with_walls(network: Network | Traits, motion: Vector) -> Vector:
 
 
 def dashpots(network: Network | Traits, pairs: Pairs, root: Floats) -> Floats:
-    """Return η of pairs whose overlap has the root `root`, 0 where open, (M,)."""
+    """Return η (M,) of pairs from the root of the overlap, `root` (M,); 0 where open."""
     xp = module_of(root)
     if network.restitution is None:
         return xp.where(root > 0, network.viscosity, 0.0)
@@ -244,24 +251,24 @@ def dashpots(network: Network | Traits, pairs: Pairs, root: Floats) -> Floats:
 
 
 def damping_ratio(restitution: float) -> float:
-    """Return ζ of a restitution e."""
+    """Return ζ = −ln e/√(π² + ln² e) for a restitution e."""
     loss = -log(restitution)
     return loss / hypot(pi, loss)
 
 
 def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats, begun: Bools | bool = False) -> Contacts:
-    """Return overlaps, forces and slip rates of the pairs.
+    """Return the overlaps, forces and slip rates of the pairs.
 
     Parameters
     ----------
-    motion : (2f, N).
-    memory, begun : `State.shear` and `State.begun`.
+    motion : (2f, N) as `State.motion`.
+    memory, begun : as `State.shear` and `State.begun`.
     """
     return acting(network, pairs, meetings(network, motion, pairs, begun), memory)
 
 
 def meetings(network: Network | Traits, motion: Vector, pairs: Pairs, begun: Bools | bool = False) -> Meetings:
-    """Return how the spheres of the pairs meet, before any force; parameters as of `contacts`."""
+    """Return the geometry and velocities of the pairs, before any force; parameters as for `contacts`."""
     xp, dimension, freedoms = module_of(motion[0]), network.dimension, network.freedoms
     here = [row[pairs.first] for row in motion]
     there = [row[pairs.second] for row in with_walls(network, motion)]
@@ -270,7 +277,7 @@ def meetings(network: Network | Traits, motion: Vector, pairs: Pairs, begun: Boo
     turning = plus(scaled(pairs.radii[0], spin), scaled(pairs.radii[1], other))
     now = plus(pairs.apart, way)
     distance = xp.sqrt(dot(now, now))
-    # The distance less the one at rest, written so that no digits cancel
+    # The change of the distance since rest, written so that no digits cancel
     stretch = dot(plus(pairs.apart, now), way) / (distance + pairs.length)
     depth = pairs.overlap - stretch
     closed = pairs.normal.closed(depth, begun)
@@ -298,9 +305,9 @@ def meetings(network: Network | Traits, motion: Vector, pairs: Pairs, begun: Boo
 def acting(
     network: Network | Traits, pairs: Pairs, met: Meetings, memory: Vector, *, stepped: bool = False
 ) -> Contacts:
-    """Return the forces of pairs that meet so, and the rate of their memory, of d − 1 parts.
+    """Return the forces of pairs from their geometry, velocities and memory (d − 1 components along the tangents).
 
-    With `stepped`, a contact that has no slip yet and slides by its dashpot alone has no shear force, as in LAMMPS.
+    With `stepped`, a contact without slip that slides by its dashpot alone has no shear force, as in LAMMPS.
     """
     xp = module_of(met.overlap)
     frame, closed, slip_rate = met.tangents, met.closed, met.slip_rate
@@ -328,7 +335,7 @@ def acting(
             slips = length(memory) > 0
             shear = scaled(slips | ~slides, shear)
             slides = slides & slips
-        # What slides keeps the slip with which spring and dashpot together have the limit
+        # A sliding contact keeps the slip at which spring and dashpot together equal the limit
         left = less(shear, less(wanted, spring))
         spring = tuple(xp.where(slides, after, before) for after, before in zip(left, spring, strict=True))
         if frame.lean:
@@ -355,7 +362,7 @@ def acting(
 
 
 def resultants(pairs: Pairs, now: Contacts) -> Vector:
-    """Return forces and torques on the spheres, f rows (N,): each sphere gathers those of its contacts."""
+    """Return the forces and torques on the spheres, f rows (N,), summed over their contacts in a fixed order."""
     xp = module_of(now.overlap)
     nothing = xp.zeros(1)
     one, other = pairs.radii - pairs.shortened * now.overlap
@@ -379,16 +386,18 @@ def start(
     rotation: ArrayLike = 0.0,
     spin: ArrayLike = 0.0,
 ) -> State:
-    """Return the state after one straight displacement without forces from rest, where no contact is sheared.
+    """Return the state after one straight displacement from rest, without forces.
 
-    A LAMMPS deck must start like this: LAMMPS cannot derive shear from positions, so one step of `nve/noforce` takes
-    the spheres from rest to their start. The slip is the whole displacement along the tangent at the end of the step,
-    minus the rotations.
+    At rest no contact is sheared. A LAMMPS deck must start in the same way: LAMMPS cannot derive shear from positions,
+    so one step of `nve/noforce` takes the spheres from rest to their start. The slip is the whole relative displacement
+    along the tangent at the end of the step, minus the rotations.
 
     Parameters
     ----------
     displacement, velocity : (N, d), or broadcast to it.
     rotation, spin : (N,) in the plane and (N, 3) in space, or broadcast to it; angles in rad.
+
+    Raises TheoryError for values that are not finite.
     """
     count, dimension = network.position.shape
     motion = np.zeros((2, network.freedoms, count))
@@ -401,14 +410,14 @@ def start(
 
 
 def loaded(network: Network, motion: Floats, rate: float = 0.0) -> State:
-    """Return the state of a motion (2f, N) after the straight way of `start`.
+    """Return the state of a motion (2f, N) after the straight displacement of `start`.
 
-    rate : 1 over the time that the way takes, for dashpots of contacts that slide on it; 0 if none resists.
+    rate : 1 over the time of the displacement, for the dashpots of contacts that slide during it; 0 without dashpots.
     """
     dimension = network.dimension
     places, _ = np.split(motion, 2)
     pairs = search(network, places[:dimension])
-    way = np.concatenate([places, places])  # the way in one unit of time, as a velocity
+    way = np.concatenate([places, places])  # as a velocity, the displacement in one unit of time
     begun = pairs.overlap > pairs.normal.end
     arrived = contacts(network, way, pairs, np.zeros((dimension - 1, len(pairs.first))), begun)
     slow = np.concatenate([places, rate * places])
@@ -417,20 +426,20 @@ def loaded(network: Network, motion: Floats, rate: float = 0.0) -> State:
 
 
 def present(network: Network, state: State, *, stepped: bool = False) -> Contacts:
-    """Return the contacts of a state; `stepped` as of `acting`."""
+    """Return the contacts of a state; `stepped` as for `acting`."""
     met = meetings(network, state.motion, state.pairs, state.begun)
     return acting(network, state.pairs, met, state.shear, stepped=stepped)
 
 
 def slip(now: Contacts) -> Vector:
-    """Return the force of the spring of S over k, 0 where open: the slip, within the limit of friction."""
+    """Return the slip within the limit of friction, which is the spring force over k; 0 where open."""
     return tuple(quotient(each, now.stiffness, now.stiffness > 0, 0.0) for each in now.spring)
 
 
 def settled(network: Network, state: State, *, stepped: bool = False) -> State:
-    """Return the state without the slip of contacts that are open, or beyond the limit of friction.
+    """Return the state with no slip in open contacts, and with the slip at the limit in sliding ones.
 
-    stepped : as of `acting`.
+    stepped : as for `acting`.
     """
     now = present(network, state, stepped=stepped)
     if network.law == "incremental":
@@ -443,7 +452,7 @@ def settled(network: Network, state: State, *, stepped: bool = False) -> State:
 
 
 def searched_again(network: Network, state: State) -> State:
-    """Return the state with its candidate pairs searched again; contacts keep their shear."""
+    """Return the state with newly searched pairs; contacts keep their shear."""
     pairs = search(network, state.motion[: network.dimension])
     count = len(network.position) + len(network.walls)
     _, old, new = np.intersect1d(
@@ -460,5 +469,5 @@ def searched_again(network: Network, state: State) -> State:
 
 
 def forces(network: Network, state: State) -> Floats:
-    """Return forces and torques on the spheres, (f, N), held ones included: at rest, the residuals."""
+    """Return the forces and torques on all spheres, (f, N), also held ones; for a state at rest, the residuals."""
     return np.array(resultants(state.pairs, present(network, state)))

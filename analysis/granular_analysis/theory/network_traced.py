@@ -1,9 +1,9 @@
-"""Steps of `granular_analysis.theory.network_verlet` by JAX: on a GPU, or on all cores of this machine.
+"""Steps of `granular_analysis.theory.network_verlet` by JAX, on a GPU or on all cores of the machine.
 
-JAX traces the code that NumPy runs, in double precision. Motions are the same up to rounding, and on one device to the
-last bit, as each sphere sums the forces of its contacts in a fixed order.
+JAX traces the code that NumPy runs, in double precision. The motion is that of NumPy up to rounding. On one device it
+is reproducible to the last bit, since each sphere sums the forces of its contacts in a fixed order.
 
-The extra ``jax`` of this package installs it: ``pip install 'granular-lmp[jax]'``.
+When it breaks: without JAX, which ``pip install 'granular-lmp[jax]'`` installs.
 """
 
 from collections.abc import Iterable, Iterator
@@ -41,12 +41,12 @@ AT_ONCE = 100  # steps of one call of the device
 
 
 def arrays_of(pairs: Pairs) -> Arrays:
-    """Return the arrays of pairs on the device, by their names."""
+    """Return the arrays of pairs on the device, by the names of `Pairs`."""
     return {each.name: jnp.asarray(getattr(pairs, each.name)) for each in fields(pairs) if each.name != "normal"}
 
 
 def pairs_of(network: Network | Traits, arrays: Arrays) -> Pairs:
-    """Return the pairs of traced arrays."""
+    """Return the pairs made of traced arrays."""
     return Pairs(**arrays, normal=LAWS[network.adhesion](arrays["A"], arrays["F"]))
 
 
@@ -54,10 +54,10 @@ def pairs_of(network: Network | Traits, arrays: Arrays) -> Pairs:
 def advanced(
     traits: Traits, arrays: Arrays, bodies: Bodies, now: Carried, values: Any, count: int
 ) -> tuple[Carried, Any]:
-    """Return the motion after this many steps, and the largest distance of spheres from their search.
+    """Return the motion after `count` steps, and the largest displacement, along one axis, since the search.
 
-    There are `AT_ONCE` values, of which the first count. The number is traced, so that this is compiled once, for all
-    networks with equal traits and shapes.
+    `values` has `AT_ONCE` rows, of which the first `count` are used. As `count` is traced, one compiled program serves
+    all networks with equal traits and shapes.
     """
     pairs = pairs_of(traits, arrays)
 
@@ -76,20 +76,20 @@ def _extremes(traits: Traits, arrays: Arrays, now: Carried, rested: Any, near: A
 
 
 def extremes(network: Network, arrays: Arrays, now: Carried, rested: Any, near: Any) -> tuple[Any, ...]:
-    """Return what `granular_analysis.theory.network_verlet.extremes` does."""
+    """Return the same as `granular_analysis.theory.network_verlet.extremes`."""
     return _extremes(network.traits, arrays, now, rested, near)
 
 
 @jax.jit
 def taken(rows: Any, spheres: Any) -> Any:
-    """Return what `granular_analysis.theory.network_verlet.taken` does, of the device in one call."""
+    """Return the same as `granular_analysis.theory.network_verlet.taken`, in one call of the device."""
     return jnp.stack([row[spheres] for row in rows])
 
 
 def moments(
     network: Network, state: State, step: float, stops: Iterable[int], begin: Moment | None = None
 ) -> Iterator[Moment]:
-    """Yield the motion as `granular_analysis.theory.network_verlet.moments` does, what is carried on the device."""
+    """Yield the motion as `granular_analysis.theory.network_verlet.moments` does, with `now` on the device."""
     bodies, traits = Bodies.of(network, step), network.traits
     done, state, now = begin or Moment(0, state, begun(network, state, bodies))
     arrays, bodies, now = arrays_of(state.pairs), on_device(bodies), on_device(now)
@@ -101,7 +101,7 @@ def moments(
             values[:count] = signals(network, step, done + 1, count)
             after, farthest = advanced(traits, arrays, bodies, now, values, count)
             if farthest > network.margin / 2 and count > 1:
-                most = count // 2  # contacts may have been missed: back, to fewer steps
+                most = count // 2  # contacts may have been missed: repeat with fewer steps
             else:
                 now, done = after, done + count
             if farthest > network.margin / 4:
@@ -116,5 +116,5 @@ def march(network: Network, state: State, step: float, count: int, every: int) -
 
 
 def on_device(tree: Any) -> Any:
-    """Return a tree with its arrays on the device."""
+    """Return a tree of arrays, moved to the device."""
     return jax.tree.map(jnp.asarray, tree)

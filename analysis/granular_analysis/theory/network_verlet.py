@@ -1,23 +1,24 @@
-"""Velocity Verlet with contact history as in LAMMPS: a run of LAMMPS, up to rounding, without LAMMPS.
+"""Velocity Verlet with contact history as in LAMMPS: the motion of a LAMMPS run, up to rounding, without LAMMPS.
 
-One step of length h of `granular_analysis.theory.network`, with the accelerations a of spheres and spins:
+One step of length h for `granular_analysis.theory.network`, with the accelerations a of translations and spins:
 
     v ← v + ½h a,   x ← x + h v                                  half a kick, and the drift
-    s ← s turned into the plane across the new n, with its old length; then s ← s + h ds/dt
+    s ← s projected on the plane normal to the new n, with its old length; then s ← s + h ds/dt
     a ← a(x, v, s),   v ← v + ½h a                               forces with the velocities of the half step
 
-Slip rates and dashpots use the velocities of the half step, as LAMMPS computes forces between the two kicks. An open
-contact forgets its slip; a sliding contact keeps the slip at its limit. With the incremental law the state is the force
-of the spring in place of s. At the end of a step quiet ends multiply each velocity and spin by (1 − ½h c)/(1 + ½h c).
-For a moved or turned sphere, contacts use the displacement over the last step. LAMMPS sets a spin at the end of a step,
-so the first step has none.
+Slip rates and dashpots use the velocities of the half step, since LAMMPS computes forces between the two kicks. An open
+contact forgets its slip; a sliding contact keeps the slip at its limit. Under the incremental law, the force of the
+spring replaces s. At the end of a step, quiet ends of decay rate c multiply each velocity and spin by
+(1 − ½h c)/(1 + ½h c). If a drive prescribes the motion of a sphere, its contacts see the mean velocity over the last
+step, or `Drive.rate`. LAMMPS sets a prescribed spin at the end of a step, so in the first step it is 0.
 
-Rotations in the plane are those of the dipoles in LAMMPS, which turn by arctan(hω) in a step; in space rotations of all
-steps are composed, as for the quaternions in LAMMPS.
+In the plane, rotations are those of the dipoles in LAMMPS, which turn by arctan(hω) in a step. In space, the rotations
+of all steps are composed, like the quaternions in LAMMPS.
 
-The code runs in NumPy, or in JAX for its arrays (`granular_analysis.theory.network_traced`).
+The code runs on arrays of NumPy, or of JAX (`granular_analysis.theory.network_traced`).
 
-Good values: h from 0.05 to 0.2 t0; the error is of second order. When it breaks: above 2/Ω of the fastest mode.
+Good values: h from 0.05 to 0.2 t0; the error is of second order in h. When it breaks: at h above 2/Ω, with the
+frequency Ω of the fastest mode.
 
 Source: LAMMPS, fix nve/sphere and pair granular (https://docs.lammps.org/pair_granular.html).
 """
@@ -61,14 +62,14 @@ Floats = NDArray[np.float64]
 
 
 class Carried(NamedTuple):
-    """Motion, slips and accelerations that a step hands on to the next; rows are (N,) each.
+    """Motion, slips and accelerations that a step hands on to the next.
 
     Attributes
     ----------
-    motion : 2f rows: displacements, turns, velocities, spins.
-    memory : slip of the pairs as a vector of d components (M,), or the force of its spring by the incremental law.
+    motion : 2f rows (N,): displacements, turns, velocities, spins.
+    memory : slip of the pairs, d components (M,); under the incremental law the force of the shear spring.
     begun : (M,) whether the pairs touch.
-    rates : f rows of accelerations.
+    rates : f rows (N,) of accelerations.
     """
 
     motion: Vector
@@ -82,9 +83,9 @@ class Moment(NamedTuple):
 
     Attributes
     ----------
-    number : of steps.
-    state : whose pairs the motion has.
-    now : what the next step takes.
+    number : number of steps since the start.
+    state : state at the last search; the motion uses its pairs.
+    now : input of the next step.
     """
 
     number: int
@@ -93,14 +94,15 @@ class Moment(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """Numbers of the spheres that a step of length h takes.
+    """Properties of the spheres that a step needs.
 
     Attributes
     ----------
-    step : h.
+    step : length h of a step.
     mobility : (f, N) accelerations per force and torque.
-    kept : (N,) share of each velocity and spin that quiet ends leave in a step.
-    acts, shares : (D, N) whether each drive acts on each sphere, and the factor of its signal there.
+    kept : (N,) factor by which quiet ends multiply each velocity and spin in a step.
+    acts : (D, N) whether each drive acts on each sphere.
+    shares : (D, N) factor of each signal on each sphere.
     """
 
     step: float
@@ -111,7 +113,7 @@ class Bodies(NamedTuple):
 
     @classmethod
     def of(cls, network: Network, step: float) -> "Bodies":
-        """Return those of a network."""
+        """Return the properties for a network and a step."""
         count = len(network.position)
         loss = np.zeros(count) if network.drag is None else step / 2 * network.drag
         acts, shares = np.zeros((len(network.drives), count), dtype=bool), np.zeros((len(network.drives), count))
@@ -121,9 +123,9 @@ class Bodies(NamedTuple):
 
 
 def signals(network: Network, step: float, first: int, count: int) -> Floats:
-    """Return values of the drives from a step on, and the rates that contacts see of those that move spheres.
+    """Return values and rates of the signals, (count, D, 2), in `count` steps from the step `first` on.
 
-    (count, D, 2)
+    A rate is the velocity that contacts see in that step (module docstring, `Drive.rate`), 0 for a push.
     """
     numbers = np.arange(first, first + count)
     times: Floats = np.asarray(step * numbers, dtype=np.float64)
@@ -144,7 +146,7 @@ def _drives(network: Network | Traits) -> Sequence[Drive | Acting]:
 
 
 def pushed(network: Network | Traits, bodies: Bodies, values: Floats, loads: Vector) -> Vector:
-    """Return f rows of loads with forces and torques, by values (D, 2) of the signals."""
+    """Return the loads, f rows (N,), plus the pushes of drives with values (D, 2) of the signals."""
     rows, drives = list(loads), _drives(network)
     for each, (value, _), share in zip(drives, values, bodies.shares, strict=True):
         if not each.moves:
@@ -153,7 +155,7 @@ def pushed(network: Network | Traits, bodies: Bodies, values: Floats, loads: Vec
 
 
 def moved(network: Network | Traits, bodies: Bodies, values: Floats, motion: Vector) -> Vector:
-    """Return 2f rows of a motion with what is prescribed, by values (D, 2) of the signals."""
+    """Return the motion, 2f rows (N,), with prescribed rows set to values (D, 2) of the signals."""
     xp, rows, drives = module_of(motion[0]), list(motion), _drives(network)
     for each, pair, acts, share in zip(drives, values, bodies.acts, bodies.shares, strict=True):
         if each.moves:
@@ -163,7 +165,7 @@ def moved(network: Network | Traits, bodies: Bodies, values: Floats, motion: Vec
 
 
 def begun(network: Network, state: State, bodies: Bodies) -> Carried:
-    """Return what the first step begins with: the forces of a state, with its velocities."""
+    """Return the input of the first step: the motion, slips and accelerations of a state."""
     (values,) = signals(network, bodies.step, 0, 1)
     motion = np.array(moved(network, bodies, values, state.motion))
     now = present(network, replace(state, motion=motion), stepped=True)
@@ -173,7 +175,7 @@ def begun(network: Network, state: State, bodies: Bodies) -> Carried:
 
 
 def stepped(network: Network | Traits, pairs: Pairs, bodies: Bodies, before: Carried, values: Floats) -> Carried:
-    """Return the motion one step later; `values` (D, 2) are those of the `signals` there."""
+    """Return the motion one step later; `values` (D, 2) are the `signals` of that step."""
     freedoms, dimension, step = network.freedoms, network.dimension, bodies.step
     xp = module_of(before.begun)
     velocity = plus(before.motion[freedoms:], scaled(step / 2, before.rates))
@@ -197,27 +199,27 @@ def stepped(network: Network | Traits, pairs: Pairs, bodies: Bodies, before: Car
 
 
 def _composed(turn: Vector, way: Vector) -> Vector:
-    """Return turns, 2 tan(ϑ/2) times an axis, after a small one more by a rotation vector."""
+    """Return rotations, 2 tan(ϑ/2) times an axis, after one more by the small rotation vector `way`."""
     more = scaled(1 + dot(way, way) / 12, way)
     across = [more[k - 2] * turn[k - 1] - more[k - 1] * turn[k - 2] for k in range(3)]
     return scaled(1 / (1 - dot(more, turn) / 4), plus(plus(turn, more), scaled(0.5, across)))
 
 
 def _turned(vector: Vector, met: Meetings) -> Vector:
-    """Return the parts of vectors along the tangents, with the lengths that the vectors had."""
+    """Return the components of vectors along the tangents, scaled to keep the lengths of the vectors."""
     parts = tuple(dot(vector, each) for each in met.tangents.along)
     left = length(parts)
-    return scaled(quotient(length(vector), left, left > 0, 1.0), parts)  # 1: the slope where there is no slip
+    return scaled(quotient(length(vector), left, left > 0, 1.0), parts)  # 1 is the derivative at zero slip
 
 
 def seen(network: Network | Traits, pairs: Pairs, now: Carried) -> Contacts:
-    """Return the contacts at the end of a step, with its velocities."""
+    """Return the contacts at the end of a step, with the velocities there."""
     met = meetings(network, now.motion, pairs, now.begun)
     return acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along], stepped=True)
 
 
 def slip_ratios(network: Network | Traits, pairs: Pairs, there: Contacts) -> Floats:
-    """Return the shear forces of contacts over those at which they slide with a friction of 1, (M,), 0 where open."""
+    """Return the shear force of contacts over their sliding limit at friction 1, (M,); 0 where open."""
     limit = module_of(there.overlap).abs(there.repulsion)
     if network.adheres or not (network.viscosity or network.restitution is not None):
         limit = pairs.normal.repulsion(there.overlap, there.radius, there.closed) + 2 * pairs.normal.pull * pairs.F
@@ -225,12 +227,16 @@ def slip_ratios(network: Network | Traits, pairs: Pairs, there: Contacts) -> Flo
 
 
 def extremes(network: Network | Traits, pairs: Pairs, now: Carried, rested: Any, near: Any) -> tuple[Any, ...]:
-    """Return what guards ask of the contacts of some spheres, by the names of `granular_lmp.runs.engine.Look`.
+    """Return the numbers that guards ask of contacts, in the order of the fields of `granular_lmp.runs.engine.Look`.
+
+    They are the smallest overlap of pairs of spheres, the smallest overlap on a wall over that at rest, the largest
+    overlap, the number of contacts that opened or closed since rest, the largest of `slip_ratios`, and the largest
+    torque.
 
     Parameters
     ----------
     rested : (M,) whether the pairs touched at rest.
-    near : (N,) which spheres are judged.
+    near : (N,) whether a sphere is judged.
     """
     xp, there = module_of(now.begun), seen(network, pairs, now)
     wall = pairs.second >= len(network.position)
@@ -251,19 +257,19 @@ def extremes(network: Network | Traits, pairs: Pairs, now: Carried, rested: Any,
 
 
 def arrays_of(pairs: Pairs) -> Pairs:
-    """Return what `extremes` takes of pairs."""
+    """Return the pairs as `extremes` takes them: unchanged, since NumPy needs no copy on a device."""
     return pairs
 
 
 def taken(rows: Vector, spheres: NDArray[np.int64]) -> Floats:
-    """Return the values of some spheres, a row of each row (N,)."""
+    """Return the values of some spheres (n,), one row for each row (N,)."""
     return np.stack([row[spheres] for row in rows])
 
 
 def moments(
     network: Network, state: State, step: float, stops: Iterable[int], begin: Moment | None = None
 ) -> Iterator[Moment]:
-    """Yield the motion after each of some ascending numbers of steps, from a state or from a later moment of it on."""
+    """Yield the motion after each number of steps in `stops`, ascending, from a state or a later moment `begin`."""
     bodies = Bodies.of(network, step)
     last = begin or Moment(0, state, begun(network, state, bodies))
     for stop in stops:
@@ -277,18 +283,18 @@ def moments(
 
 
 def march(network: Network, state: State, step: float, count: int, every: int) -> Iterator[Floats]:
-    """Yield the motions (2f, N) at the start and after each `every` of at most `count` steps."""
+    """Yield the motions (2f, N) at the start and after every `every` steps, `count` steps at most."""
     yield from motions(network, step, moments(network, state, step, range(0, count + 1, every)))
 
 
 def motions(network: Network, step: float, found: Iterable[Moment]) -> Iterator[Floats]:
-    """Yield the motion (2f, N) of each moment, with what drives prescribe then."""
+    """Yield the motion (2f, N) of each moment, with prescribed rows set to their values at that time."""
     for each in found:
         yield imposed(network.drives, each.number * step, np.array(each.now.motion))
 
 
 def renewed(network: Network, state: State, now: Carried) -> tuple[State, Carried]:
-    """Return a state and what is carried with its pairs searched again."""
+    """Return the state and the input of the next step with newly searched pairs."""
     met = meetings(network, now.motion, state.pairs, now.begun)
     parts = _turned(now.memory, met)
     found = searched_again(network, replace(state, motion=np.array(now.motion), shear=np.array(parts), begun=now.begun))

@@ -1,18 +1,17 @@
-"""Objectives that second order gives, with exact derivatives, and the numbers of a crystal at which they are best.
+"""Objectives from the theory of second order, with exact derivatives, and the search for their maxima.
 
-| objective | what it is, of a spot (`granular_analysis.theory.variation`) |
+| objective | value, for a spot (`granular_analysis.theory.variation`) |
 |---|---|
-| `Growth` | growth of a resonant second harmonic in a period, in the amplitude of the wave per length of the spot |
-| `Tuned` | −(f/f₀ − 1)² of the frequency f of a resonance |
-| `Gap` | width of the gap above a branch, over the frequency of its middle |
-| `Passing` | share of the energy of a wave that passes rows, by the density of these rows |
+| `Growth` | growth of a resonant second harmonic: in a period it gains growth·A²/length, for a wave of amplitude A |
+| `Tuned` | −(f/f₀ − 1)² for the frequency f of a resonance and a wanted f₀ |
+| `Gap` | width of the gap above a branch, over the frequency at its middle |
+| `Passing` | share of the energy of a wave that passes through rows, as a function of the density of these rows |
 
-All are to be as large as possible; `Least` turns one around. `best` looks at a grid of numbers between bounds, and
-improves the best of them by L-BFGS-B. Good values: one to three numbers, whose bounds are not farther apart than a
-factor of ten.
+All are maximised; `Least` turns an objective around. `best` evaluates an objective on a grid between bounds and
+improves the best points by L-BFGS-B. Good values: one to three numbers, each with bounds within a factor of ten.
 
-When it breaks: where the resonance that is followed ends or meets another one between the bounds. A maximum that the
-grid does not see is not found.
+When it breaks: if the resonance that is followed ends or meets another one between the bounds. A maximum between the
+points of the grid may be missed.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,12 +32,12 @@ Floats = NDArray[np.float64]
 
 POINTS = 5  # values of each number on the grid
 COUNT = 60  # wave numbers on a line
-_TRIED = 3  # points of the grid from which a maximum is looked for
-_FLAT = 1e-9  # logarithmic derivative of an objective that is rounding
+_TRIED = 3  # the search starts from this many of the best points of the grid
+_FLAT = 1e-9  # a logarithmic derivative below this is rounding
 
 
 class Objective(Protocol):
-    """A function of numbers (P,) that is to be as large as possible, with its derivatives.
+    """A function of numbers (P,) to be maximised, with its derivatives.
 
     Raises ValueError where it has no value.
     """
@@ -48,7 +47,7 @@ class Objective(Protocol):
 
 
 class Found(NamedTuple):
-    """Numbers (P,) at which an objective is largest, its value there, and that at the best point of the grid."""
+    """Numbers (P,) at which an objective is largest, its value there, and its value at the best start."""
 
     values: Floats
     value: float
@@ -57,7 +56,14 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Growth of a second harmonic in a period, on the resonance of a branch with a target near a wave number."""
+    """Growth of a second harmonic at a resonance 2ω_i(x) = ω_j(2x), by `variation.Varied.growth`.
+
+    Attributes
+    ----------
+    place : numbers → spot.
+    branch, target : the branches i and j.
+    near : wave number x near the resonance.
+    """
 
     place: Place
     branch: int
@@ -75,7 +81,7 @@ class Growth:
 
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """Distance of the frequency of a resonance from one that is wanted, in rad per unit of time."""
+    """Squared relative distance of the frequency of a resonance from a wanted one, in rad per unit of time."""
 
     resonant: Growth
     wanted: float
@@ -89,13 +95,17 @@ class Tuned:
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """Width of the gap above a branch along the line of a spot, over its middle; negative where branches overlap."""
+    """Width over middle of the gap above a branch, along the line of a spot; negative where branches overlap."""
 
     place: Place
     branch: int
 
     def __call__(self, values: Floats) -> Value:
-        """Return the width. The wave number of an extremum counts at the edge of the zone only, which moves."""
+        """Return the width over the middle.
+
+        Its derivatives include the shift of the wave number of an extremum only at the edge of the zone, which moves;
+        elsewhere a shift has no effect to first order.
+        """
         varied = Varied(self.place, values, 0.0)
         limit = float(last_number(varied.spot.crystal, varied.spot.unit))
         numbers = limit * np.arange(COUNT + 1) / COUNT
@@ -105,7 +115,7 @@ class Gap:
         return Value(width / middle, (slopes[0] - width / middle * slopes[1]) / middle)
 
     def _extremum(self, varied: Varied, numbers: Floats, onward: int, sign: int) -> Value:
-        """Return the lowest (sign 1) or highest (−1) frequency of the branch, or of the one onward."""
+        """Return the lowest (sign 1) or highest (sign −1) frequency of the branch `onward` places above this one."""
         crystal, unit, _ = varied.spot
         branch = self.branch + onward
 
@@ -130,12 +140,12 @@ class Gap:
 
 @dataclass(frozen=True, eq=False)
 class Passing:
-    """Share of the energy of a wave that passes rows, as all waves behind them.
+    """Share of the energy of an incoming wave that passes through rows, summed over all waves behind them.
 
     Attributes
     ----------
-    rows : of numbers, (P,) densities or what decides them; and the derivatives (P, N) of the logarithms of the masses.
-    frequency, name : of the wave that comes.
+    rows : numbers (P,) → rows, and derivatives (P, N) of the logarithms of the masses of the N rows.
+    frequency, name : frequency and name of the incoming wave.
     """
 
     rows: Callable[[Floats], tuple[Rows, Floats]]
@@ -151,7 +161,7 @@ class Passing:
 
 @dataclass(frozen=True, eq=False)
 class Least:
-    """An objective that is to be as small as possible: its negative."""
+    """Negative of an objective, for one that is to be minimised."""
 
     objective: Objective
 
@@ -162,7 +172,7 @@ class Least:
 
 
 class Candidate(NamedTuple):
-    """A resonance at numbers (P,) of a grid: its growth, and its frequency in rad per unit of time."""
+    """A resonance at numbers (P,) of a grid, with its growth and its frequency in rad per unit of time."""
 
     resonant: Growth
     values: Floats
@@ -171,9 +181,9 @@ class Candidate(NamedTuple):
 
 
 def candidates(place: Place, bounds: Sequence[tuple[float, float]], points: int = POINTS) -> list[Candidate]:
-    """Return the resonances that grow on a grid of numbers between bounds.
+    """Return all resonances whose second harmonic grows, at all points of a grid between bounds.
 
-    Raises ValueError if there is none.
+    Raises ValueError if there are none.
     """
     found = []
     for values in grid(bounds, points):
@@ -190,7 +200,7 @@ def candidates(place: Place, bounds: Sequence[tuple[float, float]], points: int 
 
 
 def grid(bounds: Sequence[tuple[float, float]], points: int = POINTS) -> list[Floats]:
-    """Return all combinations of values at equal distances, the bounds among them."""
+    """Return all combinations of `points` equidistant values of each number, from bound to bound."""
     return [np.array(each) for each in product(*(np.linspace(low, high, points) for low, high in bounds))]
 
 
@@ -199,10 +209,10 @@ def best(objective: Objective, bounds: Sequence[tuple[float, float]], starts: Se
 
     Parameters
     ----------
-    bounds : (P) pairs, lower and upper
-    starts : numbers from which to look; None: the best points of a grid
+    bounds : P pairs, lower and upper.
+    starts : points (P,) to evaluate, from the best of which the search starts; None: a grid between the bounds.
 
-    Raises ValueError if the objective has no value anywhere it was looked for.
+    Raises ValueError if the objective has no value at any start.
     """
     low, high = np.array(bounds, dtype=float).T
     known = [(value.value, each) for each in starts or grid(bounds) if (value := _tried(objective, each)) is not None]
@@ -227,7 +237,7 @@ def best(objective: Objective, bounds: Sequence[tuple[float, float]], starts: Se
 
 
 def independent(objective: Objective, bounds: Sequence[tuple[float, float]], values: Floats) -> list[bool]:
-    """Return of which numbers (P,) an objective does not depend: its slope is 0 at values, and far from them."""
+    """Return whether an objective is independent of each number (P,): its slope is 0 at `values`, and far from them."""
     here = objective(values)
     found = []
     for number, (low, high) in enumerate(bounds):

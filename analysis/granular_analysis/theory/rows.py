@@ -1,10 +1,10 @@
 """Rows of spheres along x as a chain of blocks, for waves along y (`granular_analysis.theory.transfer`).
 
-Row n moves by X_n = (u, v, φ) of all its spheres, φ = Rθ, and K_{nm} is what the motion of row m does to it, with the
-stiffness of the contacts at rest (`granular_analysis.theory.bonds`). In LAMMPS the torque of a slip has the arm R −
-δ/2, which is the same as the moment of inertia over 1 − η, η = δ/2R. Where η is not the same for all contacts of a
-sphere it is their mean, weighted by the stiffness against slip: then, and then only, what follows is off by the spread
-of η, 1e-4 for microspheres.
+The displacement of row n is X_n = (u, v, φ) of all its spheres, φ = Rθ. The motion of row m exerts the force −K_{nm}
+X_m on row n, from the stiffness of the contacts at rest (`granular_analysis.theory.bonds`). In LAMMPS the torque of a
+slip has the lever arm R − δ/2; the same motion results from the arm R and the moment of inertia over 1 − η, η = δ/2R.
+If η differs between the contacts of a sphere, its mean weighted by the shear stiffness is used. Only then the result is
+approximate: it errs by the spread of η, 1e-4 for microspheres.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from granular_analysis.theory.network import Network
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
-_ALIKE = 1e-6  # relative difference of rows that are those of one lattice
+_ALIKE = 1e-6  # rows of one lattice have a smaller relative difference
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +30,10 @@ class Rows:
 
     Attributes
     ----------
-    places : (C_n,) x of the spheres of each row, over the width.
-    mass : (3C_n,) M of each row.
-    on_site : (3C_n, 3C_n) K_{nn}, with the contacts to both next rows.
-    ahead : (3C_n, 3C_{n+1}) K_{n,n+1} of each row but the last.
+    places : for each row, (C_n,) positions x of its spheres over the width W.
+    mass : for each row, (3C_n,) masses and moments of inertia over R².
+    on_site : for each row, (3C_n, 3C_n) K_{nn}, including the contacts to both neighbouring rows.
+    ahead : for each row except the last, (3C_n, 3C_{n+1}) K_{n,n+1}.
     """
 
     places: tuple[Floats, ...]
@@ -49,23 +49,24 @@ class Rows:
 
 
 def plane_wave(places: Floats, order: int) -> Complexes:
-    """Return u, v and φ of a wave e^{2πi m x/W} on the spheres of a row, (3C, 3), of norm 1."""
+    """Return u, v and φ of waves e^{2πi m x/W} of order m on a row, (3C, 3); each column has norm 1."""
     phases = np.exp(2j * np.pi * order * places) / np.sqrt(len(places))
     return np.kron(phases[:, None], np.eye(3))
 
 
 def heavy_rows(contact: Contact, masses: Sequence[float]) -> Rows:
-    """Return rows of equal spheres but for their density, between perfect lattices; in t0 and the mass of a sphere.
+    """Return rows of other density between perfect lattices, in units of t0 and the mass of a sphere of the lattices.
 
     Parameters
     ----------
-    contact : of all spheres; without dashpots.
-    masses : of the spheres of the rows, in those of the others; positive. Two rows of the others are added at each end.
+    contact : contact of all spheres, without dashpots.
+    masses : positive masses of a sphere of each row, in units of the mass of a sphere of the lattices. Two rows of the
+        lattices are added at each end.
 
     Raises
     ------
     ValueError
-        For a mass that is not positive, and a contact with dashpots or whose spheres do not turn.
+        For a mass that is not positive, and for a contact with dashpots or whose spheres do not turn.
     """
     relative = np.array([1.0, 1.0, *masses, 1.0, 1.0])
     if not np.all((relative > 0) & np.isfinite(relative)):
@@ -84,27 +85,27 @@ def heavy_rows(contact: Contact, masses: Sequence[float]) -> Rows:
 
 
 def rows_of(network: Network, first: int, last: int) -> Rows:
-    """Return rows of a network at rest, counted upwards from 0, with the lattices beyond that their ends have.
+    """Return the rows from `first` to `last` of a network at rest, between perfect lattices like those at its ends.
 
     Parameters
     ----------
     network : Network
-        Spheres in rows along x, periodic there, of which only neighbours touch. What acts from outside is left out.
+        Spheres in rows along x, periodic in x; only neighbouring rows touch. Walls, drives and drag are ignored.
     first, last : int
-        The first two rows, and the last two, must be those of perfect lattices.
+        Indices of rows, counted upwards from 0. The first two rows, and the last two, must be those of a perfect
+        lattice.
 
     Raises
     ------
     ValueError
-        For rows that are not there, that touch others than the next ones, or whose ends are no perfect lattice, and for
-        dashpots.
+        If rows do not exist, touch rows other than the next ones, or do not end in perfect lattices, and for dashpots.
     """
     height = network.position[:, 1]
     order = np.argsort(height, kind="stable")
     number = np.empty(len(order), dtype=np.intp)
     number[order] = np.concatenate([[0], np.cumsum(np.diff(height[order]) > network.radius.min() / 2)])
     if not 1 <= first < last - 2 < number.max() - 2:
-        raise ValueError(f"first, last = {first}, {last}: must be rows from 1 to {number.max() - 1}, four at least")
+        raise ValueError(f"first, last = {first}, {last}: must be rows from 1 to {number.max() - 1}, at least four")
     if not np.isfinite(network.cell[0]):
         raise ValueError(f"cell = {network.cell}: must be periodic in x")
     cell = Cell.of(replace(network, walls=(), drives=(), drag=None))
@@ -134,7 +135,7 @@ def rows_of(network: Network, first: int, last: int) -> Rows:
 
 
 def _require_lattice(rows: Rows, number: int) -> None:
-    """Raise a ValueError unless the first two rows are alike, and of equal spheres."""
+    """Raise ValueError unless the first two rows are alike and consist of equal spheres."""
     (here, then), (first, second) = (plane_wave(each, 0) for each in rows.places[:2]), rows.on_site[:2]
     after = plane_wave(rows.places[2], 0)
     scale = np.abs(first).max()
@@ -145,4 +146,4 @@ def _require_lattice(rows: Rows, number: int) -> None:
         (rows.mass[0], np.tile(rows.mass[0][:3], len(rows.places[0])), rows.mass[0].max()),
     )
     if len(rows.places[0]) != len(rows.places[1]) or any(np.abs(a - b).max() > _ALIKE * unit for a, b, unit in pairs):
-        raise ValueError(f"row {number}: must be of a perfect lattice, as the next one; take rows farther away")
+        raise ValueError(f"row {number}: must belong to a perfect lattice, like the next row; take rows farther away")

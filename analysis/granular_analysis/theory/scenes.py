@@ -1,10 +1,10 @@
 """Crystal of a scene, and its wave to second order: any lattice, layers, law, form and direction.
 
-Places, contacts and modes are derived from the spheres and the lattice. Rows may differ in density in a repeating
-pattern; the wave is then a numbered branch of this crystal, or starts as a mode of the lattice without layers, which is
-a sum of its modes.
+Positions, contacts and modes follow from the spheres and the lattice. Rows may differ in density, in a repeating
+pattern ("layers"). The wave is then a numbered branch of this crystal; or it starts as a mode of the lattice without
+layers, which is a sum of modes of the crystal.
 
-The wave may run or stand. Anything else in a scene is refused by its key.
+The wave may run or stand. Anything else in a scene is refused, and the error names its key.
 """
 
 from collections.abc import Mapping
@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 
-# Keys that the crystal is made from, or that change nothing of it; any other that departs from its default is refused
+# Keys that define the crystal or do not affect it; any other key that departs from its default is refused
 CRYSTAL_KEYS = frozenset({"name", "inclusion", "pair", "monitor", "source", "disorder.seed"}).union(
     f"{section}.{key}"
     for section, keys in {
@@ -53,17 +53,18 @@ CRYSTAL_KEYS = frozenset({"name", "inclusion", "pair", "monitor", "source", "dis
     }.items()
     for key in keys.split()
 )
-# Keys that change the motion of a wave that fills the crystal; contacts that slide or open are on if true
+# Keys that change the motion of a wave that fills the crystal; the two effects do so only if they are on
 MOTION = frozenset(
     {"source", "envelope.length", "envelope.width", "absorb.rows", "effects.sliding", "effects.contact_opening"}
 )
 FORMS = ("running", "standing")
-DEFAULT = {"cubic": "[001]", "fcc": "[001]", "hcp": "c"}  # orientations that a scene leaves out
-_NEWTON = 12  # steps, each of which doubles the digits from the third on
-LONGEST = 6  # rows of a pattern: its modes meet in pairs, 10 s of processor time for six
+DEFAULT = {"cubic": "[001]", "fcc": "[001]", "hcp": "c"}  # orientation if the scene has "auto"
+_NEWTON = 12  # steps; each doubles the digits from the third on
+LONGEST = 6  # most rows of a pattern: its modes interact in pairs, which takes 10 s of processor time for six rows
 
 
-# Keys of the overlap at rest, in the order of its formula, and those beside "inclusion.N.density" that may be varied
+# CONTACT: keys of the overlap at rest, in the order of its formula. VARIED: these and the other keys whose value may
+# vary, beside "inclusion.N.density"
 CONTACT = {f"sphere.{name}": None for name in ("radius", "youngs_modulus", "poisson_ratio", "work_of_adhesion")} | {
     "packing.contact_force": None
 }
@@ -71,14 +72,14 @@ VARIED = (*CONTACT, "sphere.density", "wave.direction")
 
 
 def declared(key: str, value: Any) -> str:
-    """Return a key and its value as a scene file says it: "time.duration = 3.0", "2 tables [[source]]"."""
+    """Return a key and its value as in a scene file: "time.duration = 3.0", "2 tables [[source]]"."""
     if isinstance(value, tuple) and value and not isinstance(value[0], int | float | str | tuple):
         return f"{len(value)} table{'s' * (len(value) > 1)} [[{key}]]"
     return f"{key} = {value!r}"
 
 
 def need_wave(scene: Scene) -> None:
-    """Raise ValueError for a scene of strikers or a state alone."""
+    """Raise TheoryError for a scene without a wave, such as one that has only strikers or a state."""
     if scene.wave is None:
         raise TheoryError("wave: missing table; this theory needs a wave")
 
@@ -89,9 +90,10 @@ class Setting:
 
     Attributes
     ----------
-    scene : with "auto" decided or not; an effect that is still "auto" is on if every crystal has it.
-    numbers : values that replace those of some keys, `VARIED` and "inclusion.N.density" with N from 1; they may be
-        complex, for `granular_analysis.theory.variation`. Also "wave.wavenumber", which a periodic cell does not round.
+    scene : scene, whose "auto" may be decided or not; an effect that is still "auto" is on if every crystal has it.
+    numbers : values that replace those of some keys: `VARIED`, "inclusion.N.density" with N from 1, and
+        "wave.wavenumber", which a periodic cell then does not round. They may be complex, for
+        `granular_analysis.theory.variation`.
     """
 
     scene: Scene
@@ -101,14 +103,14 @@ class Setting:
         need_wave(self.scene)
 
     def refuse(self, allowed: frozenset[str]) -> None:
-        """Raise ValueError for other keys in a scene, unless they are switched off."""
+        """Raise TheoryError if any key outside `allowed` departs from its default, unless it is False."""
         departs = {key for key, value in self.scene.departures().items() if value is not False}
         if other := sorted(departs - allowed):
             values = ", ".join(declared(key, self.scene.departures()[key]) for key in other)
             raise TheoryError(f"the theory of a crystal leaves out {values}")
 
     def number(self, key: str) -> Any:
-        """Return the value of a numeric key, as varied or as in the scene."""
+        """Return the value of a numeric key, from `numbers` or else from the scene."""
         section, _, name = key.partition(".")
         if key in self.numbers:
             return self.numbers[key]
@@ -124,32 +126,32 @@ class Setting:
 
     @property
     def stacked(self) -> bool:
-        """True for a crystal of layers that is finite along z: a film, free or on a substrate."""
+        """Return whether the crystal is a stack of layers, finite along z: a film, free or on a substrate."""
         scene = self.scene
         return self.lattice.layer > 0 and (scene.substrate is not None or scene.packing.depth == "free")
 
     def places(self, rows: int) -> tuple[Floats, Floats, NDArray[np.intp]]:
-        """Return vectors (d, 3), places (B, 3) and rows (B,) of the cell of a repeating pattern of rows.
+        """Return vectors (d, 3), positions (B, 3) and rows (B,) of a cell with a pattern of `rows` rows.
 
-        The unit is the distance of two spheres. Raises ValueError for a pattern that the lattice cannot have.
+        The unit is the distance of two spheres. Raises TheoryError for a pattern that the lattice cannot have.
         """
         if rows > 1 and not self.stacked:
             return self.lattice.rows(rows)
         if rows > 1:
-            raise TheoryError("inclusion: rows of other densities are known in one layer, or in crystals without faces")
+            raise TheoryError("inclusion: rows of other densities need one layer of spheres or a crystal without faces")
         layers = self.scene.packing.layers
         film = self.lattice.film(1 if layers == "auto" else int(layers)) if self.stacked else self.lattice[:2]
         return *film, np.zeros(len(film[1]), dtype=np.intp)
 
     def walls(self, place: Floats, material: Elastic) -> list[Wall]:
-        """Return the half-spaces under spheres of a material at some places (B, 3), in m."""
+        """Return the walls of the substrate for spheres of a material at positions (B, 3), in m."""
         substrate = self.scene.substrate
         if substrate is None:
             return []
         half_space = Elastic(substrate.youngs_modulus, substrate.poisson_ratio, substrate.work_of_adhesion)
         radius, ends = self.number("sphere.radius"), (np.array([0]), np.array([1]))
         hertz, _, pull, _ = mixed([material, half_space], ends, (np.array([radius]), np.array([np.inf])))
-        # Without force: A δ^{3/2} = F by the DMT law, and by the JKR law A (3δ)^{3/2} = 3F
+        # Overlap without force: A δ^{3/2} = F by the DMT law, A (3δ)^{3/2} = 3F by the JKR law
         overlap = (pull[0] / hertz[0]) ** (2 / 3) / (1 if self.scene.sphere.adhesion_law == "dmt" else 3 ** (1 / 3))
         away, floor, ceiling = radius - overlap, place[:, 2].min(), place[:, 2].max()
         below = Wall((0.0, 0.0, floor - away), (0.0, 0.0, -1.0), half_space)
@@ -158,7 +160,7 @@ class Setting:
 
     @property
     def measured(self) -> Measured:
-        """Return the measured stiffnesses in the scene."""
+        """Return the measured stiffnesses of the scene."""
         pair, wall = self.scene.contact, self.scene.substrate
         of_wall = (None, None) if wall is None else (wall.normal_stiffness, wall.shear_stiffness)
         pairs = tuple(((*each.of,), (each.normal_stiffness, each.shear_stiffness)) for each in self.scene.pair)
@@ -166,12 +168,12 @@ class Setting:
 
     @cached_property
     def pattern(self) -> tuple[NDArray[Any], NDArray[np.intp]]:
-        """Return density and kind of each row of the repeating pattern, (P,) each, the centre row first.
+        """Return the density and the kind of each row of the repeating pattern, (P,) each, the centre row first.
 
-        Rows whose density is varied, or which [[pair]] names, have the number of their inclusion as kind, even if their
-        density is that of the others; all other rows have kind 0.
+        If the density of an inclusion is varied, or [[pair]] names it, its rows have its number as kind, even if their
+        density equals that of other rows. All other rows have kind 0.
 
-        Raises ValueError if inclusions are not a pattern of rows of different densities.
+        Raises TheoryError if the inclusions do not form a pattern of rows of other densities.
         """
         scene, shape = self.scene, self.scene.shape
         if not scene.inclusion:
@@ -208,14 +210,14 @@ class Setting:
 
     @property
     def densities(self) -> NDArray[Any]:
-        """Return the density of each row of the pattern."""
+        """Return the density (P,) of each row of the pattern."""
         return self.pattern[0]
 
     @cached_property
     def overlap(self) -> Any:
-        """Return the overlap at rest of two spheres, m.
+        """Return the overlap at rest of two spheres, in m.
 
-        Raises ValueError if it is varied with the JKR law, which has no closed form.
+        Raises TheoryError if it is varied under the JKR law, which has no closed form.
         """
         sphere = self.scene.sphere
         if not self.numbers.keys() & CONTACT:
@@ -228,7 +230,7 @@ class Setting:
         pull, stiffness = np.pi * adhesion * radius, self.scene.contact.normal_stiffness  # 2πw Rc, Rc = R/2
         if stiffness is None:
             return ((pull + pressed) / hertz) ** (2 / 3)
-        # The law is scaled to this stiffness at rest: (2/3)K(δ − F/A√δ) = F0, Newton's method for √δ from above
+        # The law is scaled to this stiffness K at rest: (2/3)K(δ − F/A√δ) = F0; Newton's method for √δ, from above
         slope, level = 1.5 * pressed / stiffness, pull / hertz
         root = slope**0.5 + level ** (1 / 3)
         for _ in range(_NEWTON):
@@ -236,10 +238,10 @@ class Setting:
         return root**2
 
     def crystal(self, *, layers: bool = True, true_geometry: bool = True) -> Crystal:
-        """Return the crystal with its pattern of rows; without `layers`, the lattice of the mode of the wave.
+        """Return the crystal with its pattern of rows; without `layers`, the plain lattice of the mode of the wave.
 
-        Raises ValueError for layers in a scene with anything unsupported: dashpots, rolling resistance, disorder,
-        inclusions that are not a pattern of rows.
+        With `layers`, raises TheoryError for anything that the theory leaves out, such as dashpots, rolling resistance,
+        disorder, or inclusions that do not form a pattern of rows.
         """
         if layers:
             self.refuse(CRYSTAL_KEYS)
@@ -268,33 +270,34 @@ class Setting:
 
     @property
     def spacing(self) -> Any:
-        """Return the lattice constant, m."""
+        """Return the lattice constant, in m."""
         if not self.numbers.keys() & CONTACT:
             return self.scene.sphere.lattice_constant
         return 2 * self.number("sphere.radius") - self.overlap
 
     def spot(self) -> Spot:
-        """Return the crystal with wave vectors along the direction of the scene; wave numbers in rad per row."""
+        """Return the spot: the crystal with wave vectors along the wave's direction; wave numbers in rad per row."""
         turn = self.numbers.get("wave.direction", self.scene.direction) * np.pi / 180
         height = self.lattice.row * self.spacing
         return Spot(self.crystal(), np.array([np.cos(turn), np.sin(turn), 0 * turn]) / height, self.overlap)
 
     @property
     def unit(self) -> float:
-        """Return the wave number 1 rad per row in 1/m."""
+        """Return the wave number of 1 rad per row, in 1/m."""
         return float(1 / (self.lattice.row * self.scene.sphere.lattice_constant))
 
     def wavevector(self, wavenumber: ArrayLike | None = None) -> Floats:
-        """Return k (..., 2), 1/m, at wave numbers ξ (...), rad per row; None means the wave number of the wave."""
+        """Return k (..., 2) in 1/m at wave numbers ξ (...) in rad per row; None: the wave number of the wave."""
         own = self.numbers.get("wave.wavenumber", self.scene.wavenumber)
         xi = np.asarray(own if wavenumber is None else wavenumber, dtype=float)
         return np.multiply.outer(xi * self.unit, frame(self.scene.direction)[0])
 
     def mode(self) -> Wave:
-        """Return the wave of the scene with amplitude 1, in its lattice without layers, or in layers if it is numbered.
+        """Return the wave of the scene with amplitude 1, as a mode of the lattice without layers.
 
-        In a plane lattice with one sphere per cell, whose waves have names, a number means a branch of the layers. In a
-        cell of several spheres the squares of all amplitudes sum to 1.
+        The waves of a plane lattice with one sphere per cell have names. If the scene gives a number instead, the wave
+        is that branch of the crystal with layers. In a cell of several spheres, the squares of their amplitudes sum
+        to 1.
         """
         plain, k = self.crystal(layers=False), self.wavevector()
         name = self.scene.require_wave().mode
@@ -305,7 +308,7 @@ class Setting:
     def start(self) -> tuple[Crystal, tuple[Wave, ...]]:
         """Return the crystal and the initial waves of the scene, with displacements in m.
 
-        Raises ValueError for a scene with another start, or with anything else that moves spheres.
+        Raises TheoryError for a form of wave other than `FORMS`, and for anything else that moves spheres.
         """
         self.refuse(CRYSTAL_KEYS - MOTION)
         own = self.scene.require_wave()
@@ -318,7 +321,10 @@ class Setting:
         return crystal, started(crystal, mode.wavevector, field, rate)
 
     def signals(self, tau: ArrayLike) -> tuple[tuple[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]:
-        """Return first and second order of p, q, φ of the centre sphere at times τ, in D0 of the scene."""
+        """Return the first and the second order of p, q, φ of the centre sphere, (T,) each, in units of D0.
+
+        tau : (T,) times in t0.
+        """
         scene = self.scene
         crystal, waves = self.start()
         orders = second_order(crystal, waves, np.asarray(tau, dtype=float) * scene.sphere.time_scale)
@@ -330,10 +336,11 @@ class Setting:
         return parts[0], parts[1]
 
     def harmonic(self, tau: ArrayLike) -> tuple[Complexes, Floats]:
-        """Return C (T, 2) along k and across, in D0, of the second harmonic Re[C e^{2ik·r}], and an error of its phase.
+        """Return the second harmonic and an estimate of the error of its phase.
 
-        With layers, C is the mean over the spheres of a cell, with r from the centre sphere. The error (T,) is twice
-        the phase shift of the waves by third order, in rad (`granular_analysis.theory.validity.turned`).
+        The second harmonic is Re[C e^{2ik·r}] with C (T, 2) along and across k, in units of D0; with layers, C is the
+        mean over the spheres of a cell, and r is measured from the centre sphere. The error (T,) is twice the phase
+        shift of the waves by third order, in rad (`granular_analysis.theory.validity.turned`).
         """
         scene = self.scene
         crystal, waves = self.start()

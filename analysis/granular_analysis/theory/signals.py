@@ -1,6 +1,7 @@
 """Signals of sources over time τ: tones, bursts, chirps, Ricker's wavelet, steps and samples.
 
-Each returns a function of times (T,), an array of NumPy or of JAX, which traces the same lines.
+Each function here returns a signal: a function from times (T,), in a NumPy or JAX array, to values (T,). Frequencies
+are in rad per unit of time, phases in rad; the delay shifts the signal to later times.
 """
 
 from collections.abc import Callable
@@ -20,7 +21,7 @@ def tone(frequency: float, ramp: float, phase: float = 0.0, delay: float = 0.0) 
 
 
 def burst(frequency: float, cycles: float, phase: float = 0.0, delay: float = 0.0) -> Function:
-    """Return the tone of some cycles under a Hann window, 0 before and after it."""
+    """Return ½[1 − cos(Ωt/cycles)] cos(Ωt − phase), t = τ − delay: some cycles under a Hann window, else 0."""
 
     def signal(tau: Floats) -> Floats:
         xp, angle = module_of(tau), frequency * (tau - delay)
@@ -31,7 +32,7 @@ def burst(frequency: float, cycles: float, phase: float = 0.0, delay: float = 0.
 
 
 def chirp(frequency: float, sweep: float, cycles: float, phase: float = 0.0, delay: float = 0.0) -> Function:
-    """Return cos(∫ω dt − phase) with ω = Ω to sweep Ω at a constant rate in some cycles, under a Hann window."""
+    """Return cos(∫ω dt − phase) under a Hann window; ω goes linearly from Ω to sweep·Ω within some cycles."""
     duration = 2 * np.pi * cycles / (0.5 * (1 + sweep) * frequency)
     rate = (sweep - 1) * frequency / duration
 
@@ -44,7 +45,10 @@ def chirp(frequency: float, sweep: float, cycles: float, phase: float = 0.0, del
 
 
 def ricker(frequency: float, delay: float = 0.0) -> Function:
-    """Return (1 − y²/2) e^{−y²/4}, y = Ωt − 12: the second derivative of a Gaussian, its spectrum largest at Ω."""
+    """Return Ricker's wavelet (1 − y²/2) e^{−y²/4}, y = Ωt − 12, t = τ − delay, whose spectrum peaks at Ω.
+
+    It is the second derivative of a Gaussian, up to a factor.
+    """
 
     def signal(tau: Floats) -> Floats:
         y = frequency * (tau - delay) - 12.0
@@ -54,12 +58,12 @@ def ricker(frequency: float, delay: float = 0.0) -> Function:
 
 
 def step(ramp: float, delay: float = 0.0) -> Function:
-    """Return r(t/ramp), which stays 1."""
+    """Return r(t/ramp) with r as for `tone` and t = τ − delay, which rises from 0 and stays at 1."""
     return lambda tau: _rise((tau - delay) / ramp)
 
 
 def samples(pairs: ArrayLike, delay: float = 0.0) -> Function:
-    """Return the cubic spline through (τ, value) pairs (n, 2), level at both ends; it stays what it is beyond them."""
+    """Return the cubic spline through (τ, value) pairs (n, 2), equidistant in τ; flat at both ends, constant beyond."""
     from scipy.interpolate import CubicSpline  # slow to import, and only samples need it
 
     tau, value = np.asarray(pairs, dtype=float).T

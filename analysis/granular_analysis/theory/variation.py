@@ -1,22 +1,23 @@
-"""Exact derivatives of what second order gives: modes, resonances, and the growth of a second harmonic.
+"""Exact derivatives of results of second order: modes, resonances, and the growth of a second harmonic.
 
-A *spot* is a crystal with a line of wave vectors k = x·unit, as a function of some numbers. That function is made of
-sums, products and roots, and holds for complex numbers too: at v + ih e with h → 0 it has the value in its real part,
-and h times the derivative along e in its imaginary part, without a difference that rounds (the complex step). Waves
-are complex themselves. So their real and imaginary parts go through the contacts as two fields, which is exact for the
-linear forces, and for the quadratic ones,
+A *spot* is a crystal with a line of wave vectors k = x·unit, as a function of some numbers. The function consists of
+sums, products and roots, so it accepts complex numbers. At v + ih e with h → 0, its real part is the value and its
+imaginary part is h times the derivative along e, without a difference that rounds (the complex step). Waves are complex
+themselves, with a second imaginary unit j. Their real and imaginary parts therefore pass through the contacts as two
+fields. This is exact for the linear forces, and for the quadratic forces because
 
     Q(a + jb, a + jb) = Q(a, a) − Q(b, b) + 2j Q(a, b).
 
-With the derivative dA of A = M⁻¹D follow those of the modes A U_j = λ_j U_j and their duals, G_lj = dual_l·dA·U_j,
+The derivative dA of A = M⁻¹D gives the derivatives of the modes, A U_j = λ_j U_j, and of their duals. With G_lj =
+dual_l·dA·U_j,
 
     dλ_j = G_jj,   dU_j = Σ_l U_l G_lj/(λ_j − λ_l) + α U_j,   d dual_j = Σ_l G_jl/(λ_j − λ_l) dual_l − α dual_j
 
-over l ≠ j, with the α that keeps Σ|U_j|². At a resonance 2ω_i(x) = ω_j(2x) the wave number moves with the crystal, and
-all derivatives there are total ones.
+where l ≠ j and α keeps Σ|U_j|². At a resonance 2ω_i(x) = ω_j(2x) the wave number x changes with the crystal; all
+derivatives there are total ones.
 
-When it breaks: where two branches of one frequency mix, which is refused; where contacts open or close as a number
-changes, since the contacts are those of the spot itself.
+When it breaks: if two branches of one frequency mix, which is refused; if contacts open or close as a number changes,
+since the contacts are those of the unchanged spot.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,16 +35,16 @@ from granular_analysis.theory.second_order import Mixed, Wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-Pair = tuple[NDArray[Any], NDArray[Any]]  # real and imaginary part of a field, each with a complex step
+Pair = tuple[NDArray[Any], NDArray[Any]]  # real and imaginary part of a wave field, each with a complex step
 
 _STEP = 1e-30  # relative size of a complex step: nothing is subtracted, so nothing rounds
-_SAME = 1e-9  # squared frequencies within this share of the highest are one
-_MIXED = 1e-9  # share of the highest squared frequency by which branches of one frequency may mix
-_TURNS = 60  # Newton steps to a resonance
+_SAME = 1e-9  # squared frequencies are equal if they differ by less than this share of the highest
+_MIXED = 1e-9  # largest coupling of two branches of one frequency, over the largest change of all
+_TURNS = 60  # most Newton steps to a resonance
 
 
 class Spot(NamedTuple):
-    """A crystal, the wave vector (3,) of the wave number 1, and the length in which amplitudes are given."""
+    """A crystal, the wave vector (3,) at wave number 1, and the unit of length of amplitudes."""
 
     crystal: Crystal
     unit: NDArray[Any]
@@ -54,7 +55,7 @@ Place = Callable[[NDArray[Any]], Spot]
 
 
 class Value(NamedTuple):
-    """A number, and its derivatives by those of the spot (P,)."""
+    """A number, and its derivatives (P,) with respect to the numbers of the spot."""
 
     value: float
     gradient: Floats
@@ -62,12 +63,12 @@ class Value(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Varied:
-    """A wave number of a spot, and how the modes there change with the numbers of the spot and the wave number.
+    """Modes of a spot at a wave number, and their changes with the numbers of the spot and with the wave number.
 
     Attributes
     ----------
-    place : of the spot.
-    values : (P,) its numbers.
+    place : numbers → spot.
+    values : (P,) numbers of the spot.
     wavenumber : x.
     """
 
@@ -82,7 +83,7 @@ class Varied:
 
     @cached_property
     def spots(self) -> list[Spot]:
-        """Return the spot with a complex step in each number."""
+        """Return P spots, each with a complex step in one number."""
         spots = []
         for number, value in enumerate(self.values):
             moved = self.values.astype(complex)
@@ -91,24 +92,24 @@ class Varied:
         return spots
 
     def at(self, wavenumber: float) -> "Varied":
-        """Return another wave number, of the same spots."""
+        """Return the same spots at another wave number."""
         other = replace(self, wavenumber=wavenumber)
         vars(other).update(spot=self.spot, spots=self.spots)
         return other
 
     @property
     def steps(self) -> list[tuple[Spot, NDArray[Any]]]:
-        """Return the spot and k, with a complex step in each number, and in the wave number last."""
+        """Return P + 1 pairs of spot and k, with a complex step in each number, and last in the wave number."""
         return [*((each, self.wavenumber * each.unit) for each in self.spots), self.onward]
 
     @property
     def onward(self) -> tuple[Spot, NDArray[Any]]:
-        """Return the spot and k, with a complex step in the wave number."""
+        """Return the spot and k with a complex step in the wave number."""
         return self.spot, (self.wavenumber + 1j * _STEP) * self.spot.unit
 
     @property
     def sizes(self) -> Floats:
-        """Return the size of each complex step."""
+        """Return the size of each complex step, (P + 1,)."""
         return _STEP * np.append(np.maximum(np.abs(self.values), _STEP), 1.0)
 
     @cached_property
@@ -122,13 +123,13 @@ class Varied:
         return self.modes(2, self.steps, self.sizes)
 
     def detuning(self, branch: int, target: int) -> tuple[float, float]:
-        """Return 2ω_i(x) − ω_j(2x) and its derivative by the wave number."""
+        """Return 2ω_i(x) − ω_j(2x) and its derivative with respect to the wave number x."""
         here, there = (self.modes(factor, [self.onward], self.sizes[-1:]) for factor in (1, 2))
         slope = 2 * here.rates[0, branch] - there.rates[0, target]
         return float(2 * here.frequencies[branch] - there.frequencies[target]), float(slope)
 
     def modes(self, factor: int, steps: Sequence[tuple[Spot, NDArray[Any]]], sizes: Floats) -> "Modes":
-        """Return the modes at the wave number, times a factor, with their derivatives by steps of these sizes."""
+        """Return the modes at `factor` times the wave number, with their derivatives from steps of these sizes."""
         spot, k = self.spot, factor * self.wavenumber * self.spot.unit
         crystal = spot.crystal
         found = crystal.modes(k)
@@ -137,7 +138,7 @@ class Varied:
         changes = []
         for (moved, at), size in zip(steps, sizes, strict=True):
             forces = [part.imag / size for part in _linear(moved.crystal, factor * at, (units, none))]
-            stiffness = -(forces[0] + 1j * forces[1])  # dD of each unit vector, (F, B, 6)
+            stiffness = -(forces[0] + 1j * forces[1])  # dD times each unit vector, (F, B, 6)
             heavier = moved.crystal.mass.imag / size
             rest = np.einsum("fbc,jf->jbc", stiffness, crystal.moving(found.shapes))
             rest = rest - found.frequencies[:, None, None] ** 2 * heavier * found.shapes
@@ -145,9 +146,10 @@ class Varied:
         return Modes(crystal, found.frequencies, found.shapes, found.duals, np.array(changes))
 
     def growth(self, branch: int, target: int) -> Value:
-        """Return the amplitude that the second harmonic gains in a period, in that of the wave per length of the spot.
+        """Return the growth of the second harmonic in the branch `target`, which a wave of `branch` drives.
 
-        That is its rate 2π/ω times the length of the spot; a wave of the branch drives the target.
+        In a period 2π/ω, the second harmonic of a wave of amplitude A gains the amplitude growth·A²/length, with the
+        length of the spot.
         """
         crystal, k = self.spot.crystal, self.wavenumber * self.spot.unit
         here, there = self.here, self.there
@@ -172,12 +174,13 @@ class Varied:
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes at a wave vector, and how they change.
+    """Modes at a wave vector, and their derivatives.
 
     Attributes
     ----------
-    frequencies, shapes, duals : (J,), (J, B, 6), (J, B, 6), as `granular_analysis.theory.crystal.Modes`.
-    changes : (P + 1, J, J) G by each number and the wave number.
+    crystal : crystal of the spot.
+    frequencies, shapes, duals : (J,), (J, B, 6), (J, B, 6), as in `granular_analysis.theory.crystal.Modes`.
+    changes : (P + 1, J, J) G for each number, and last for the wave number.
     """
 
     crystal: Crystal
@@ -188,44 +191,44 @@ class Modes:
 
     @cached_property
     def rates(self) -> Floats:
-        """Return the derivatives (P + 1, J) of the frequencies; nan of a rigid motion."""
+        """Return the derivatives (P + 1, J) of the frequencies; nan for a rigid motion."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.einsum("pjj->pj", self.changes).real / (2 * self.frequencies))
 
     def shape_changes(self, branch: int) -> Complexes:
-        """Return the derivatives (P + 1, B, 6) of a mode of constant size.
+        """Return the derivatives (P + 1, B, 6) of a mode whose size stays constant.
 
-        Raises ValueError where another branch of the same frequency mixes with it.
+        Raises TheoryError if another branch of the same frequency mixes with it.
         """
         moved = np.einsum("pl,lbc->pbc", self._weights(self.changes[:, :, branch], branch), self.shapes)
         return np.asarray(moved - self._longer(moved, branch)[:, None, None] * self.shapes[branch])
 
     def dual_changes(self, branch: int) -> Complexes:
-        """Return the derivatives (P + 1, B, 6) of the dual of a mode of constant size."""
+        """Return the derivatives (P + 1, B, 6) of the dual of a mode of constant size, as `shape_changes`."""
         moved = np.einsum("pl,lbc->pbc", self._weights(self.changes[:, :, branch], branch), self.shapes)
         turned = np.einsum("pl,lbc->pbc", self._weights(self.changes[:, branch], branch), self.duals)
         return np.asarray(turned + self._longer(moved, branch)[:, None, None] * self.duals[branch])
 
     def _longer(self, moved: Complexes, branch: int) -> Floats:
-        """Return by how much a change of a mode makes it longer, (P + 1,)."""
+        """Return the relative change of length, (P + 1,), that a change `moved` of a mode makes."""
         shape = self.shapes[branch]
         return np.asarray(np.real(np.sum(shape.conj() * moved, axis=(-2, -1))) / np.sum(np.abs(shape) ** 2))
 
     def _weights(self, changes: Complexes, branch: int) -> Complexes:
-        """Return changes (P + 1, J) over λ_j − λ_l, 0 for the branch itself."""
+        """Return changes (P + 1, J) over λ_j − λ_l for the branch j; 0 for l = j."""
         self.refuse_mixed(branch)
         gaps, same = self._gaps(branch)
         return np.where(same, 0.0, changes / np.where(same, 1.0, gaps))
 
     def refuse_mixed(self, branch: int) -> None:
-        """Raise ValueError where another branch of the same frequency mixes with a branch."""
+        """Raise TheoryError if another branch of the same frequency mixes with a branch."""
         same = self._gaps(branch)[1] & (np.arange(len(self.frequencies)) != branch)
         others = np.abs(self.changes[:, same, branch]), np.abs(self.changes[:, branch, same])
         if np.any(np.maximum(*others) > _MIXED * np.abs(self.changes).max(axis=(1, 2))[:, None]):
-            raise TheoryError(f"branch {branch} has the frequency of another one here, and mixes with it")
+            raise TheoryError(f"branch {branch} has the same frequency as another branch here, and mixes with it")
 
     def _gaps(self, branch: int) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return λ_j − λ_l of a branch, and where it is 0."""
+        """Return λ_j − λ_l for a branch j and all l, and whether each is 0."""
         squares = self.frequencies**2
         gaps = squares[branch] - squares
         return gaps, np.abs(gaps) < _SAME * squares.max()
@@ -233,13 +236,13 @@ class Modes:
 
 @dataclass(frozen=True)
 class Resonance:
-    """A resonance 2ω_i(x) = ω_j(2x) of a spot, with total derivatives by its numbers.
+    """A resonance 2ω_i(x) = ω_j(2x) of a spot, with total derivatives with respect to its numbers.
 
     Attributes
     ----------
     wavenumber : x.
     frequency : ω_i.
-    growth : of the second harmonic in a period, in the amplitude of the wave per length of the spot.
+    growth : growth of the second harmonic, as from `Varied.growth`.
     """
 
     wavenumber: Value
@@ -250,7 +253,7 @@ class Resonance:
 def resonance(place: Place, values: ArrayLike, branch: int, target: int, near: float) -> Resonance:
     """Return the resonance of a branch with a target near a wave number, by Newton's method.
 
-    Raises ValueError if there is none, or none that the method finds from there.
+    Raises TheoryError if Newton's method finds no resonance from there, or if branches mix at it.
     """
     at = Varied(place, np.asarray(values, dtype=float), near)
     for _ in range(_TURNS):
@@ -277,14 +280,14 @@ def _linear(crystal: Crystal, k: NDArray[Any], field: Pair) -> Pair:
 
 
 def _quadratic(crystal: Crystal, k: NDArray[Any], field: Pair) -> Pair:
-    """Return the forces (B, 6) at 2k that run with the square of a field."""
+    """Return the second-order forces (B, 6) of a field with itself, at 2k, that run with the wave."""
     one, other = _strains(crystal.bonds, k, field)
     first, second, both = (crystal.bonds.running(*pair) for pair in ((one, one), (other, other), (one, other)))
     return _gathered(crystal, 2 * k, (first - second, 2 * both))
 
 
 def _strains(bonds: Bonds, k: NDArray[Any], field: Pair) -> tuple[Strain, Strain]:
-    """Return the deformation of the contacts in the real and in the imaginary part of a field e^{ik·r}."""
+    """Return the deformations of the contacts in the real and the imaginary part of a field times e^{ik·r}."""
     cosine, sine = _turns(bonds, k)
     (a, b), (c, d) = (
         [np.where(spheres[:, None] < 0, 0.0, each[..., spheres, :]) for each in field]
@@ -299,7 +302,7 @@ def _strains(bonds: Bonds, k: NDArray[Any], field: Pair) -> tuple[Strain, Strain
 
 
 def _gathered(crystal: Crystal, k: NDArray[Any], ends: tuple[NDArray[Any], ...]) -> Pair:
-    """Return the forces (..., B, 6) on spheres of the real and the imaginary part of those at both ends."""
+    """Return the real and imaginary forces (..., B, 6) on spheres from those at both ends of the contacts."""
     cosine, sine = (each[:, None] for each in _turns(crystal.bonds, k))
     sine = sine * np.array([[1.0], [-1.0]])
     one, other = ends
@@ -309,6 +312,6 @@ def _gathered(crystal: Crystal, k: NDArray[Any], ends: tuple[NDArray[Any], ...])
 
 
 def _turns(bonds: Bonds, k: NDArray[Any]) -> Pair:
-    """Return cosine and sine (C, 1) of the phase from the middle of a contact to its end."""
+    """Return the cosine and sine (C, 1) of the phase from the middle of a contact to its end."""
     phase = 0.5 * (bonds.apart @ k)[:, None]
     return np.cos(phase), np.sin(phase)
