@@ -46,7 +46,7 @@ def draw(sheet: Sheet) -> Figure:
     axes.plot(along, sheet.theory(wavevectors), color="C3", linewidth=0.8, linestyle=(0, (4, 4)))
     axes.set(
         ylabel=r"frequency $\Omega$ (rad per $t_0$)", ylim=(0, 2.05),
-        title=rf"a sheet kicked at random, $\tau \leq$ {sheet.tau[-1]:g}: LAMMPS (grey), theory (red)",
+        title=rf"a sheet kicked at random, $\tau \leq$ {sheet.tau[-1]:g}: LAMMPS (grey), theory (orange)",
     )  # fmt: skip
     axes.set_xticks([along[corner] for corner in corners], [r"$\Gamma$", "M", "K", r"$\Gamma$"])
     figure.colorbar(mesh, label="spectral density / its maximum at each wave vector")
