@@ -406,7 +406,7 @@ def resonance(ratios: Ratios) -> float:
 
 
 def antiresonance(ratios: Ratios) -> float | None:
-    """Return ξ in (0, π) where TR generates no p at order ε: Ω = sin(ξ/2)√(μ1 − 3μ2 α/β) (Eq. 29); None if no ξ does.
+    """Return ξ in (0, π) where TR generates no p at order ε: Ω = sin(ξ/2)√(μ1 − 3μ2 α/β) (Eq. 29); None without such ξ.
 
     In Eq. 12, with ρ = α/β, λ = μ1 − 3μ2ρ and C = cos ξ, a factor 1−C cancels and the rest is linear in C:
 
