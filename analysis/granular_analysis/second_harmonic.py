@@ -78,7 +78,10 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
     inertia : I/(mR²) > 0
     overlap_ratio : η in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 the true geometry of its silica spheres
 
-    Raises ValueError for values outside these ranges.
+    Raises
+    ------
+    ValueError
+        For values outside these ranges.
 
     Examples
     --------
@@ -320,6 +323,11 @@ def second_harmonic(
     because the start loads the shear springs in one step along the tangents of the displaced lattice (the rule of
     LAMMPS) instead of along a path to it: the difference stays in the contacts as a static force at 2ξ.
 
+    When it breaks: once p_SH is no longer small (near the resonance for τ ≳ 1/|ε|), and where g ≈ 0 (the
+    antiresonance), because p is of order a⁴ there. Away from both, the relative error of p, q and φ falls as a².
+
+    Source: Eqs. 22 and 35 with the initial conditions 17 and 18, solved by Duhamel's integral.
+
     Parameters
     ----------
     mode : fundamental along y
@@ -329,12 +337,10 @@ def second_harmonic(
     row : n, counted from the row where ϑ = −Ωτ + phase
     phase : rad
 
-    Raises ValueError for a mode in another direction than y.
-
-    When it breaks: once p_SH is no longer small (near the resonance for τ ≳ 1/|ε|), and where g ≈ 0 (the
-    antiresonance), because p is of order a⁴ there. Away from both, the relative error of p, q and φ falls as a².
-
-    Source: Eqs. 22 and 35 with the initial conditions 17 and 18, solved by Duhamel's integral.
+    Raises
+    ------
+    ValueError
+        For a mode in another direction than y.
 
     Examples
     --------
