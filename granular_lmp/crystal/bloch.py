@@ -127,7 +127,7 @@ def stretch_rows(
 ) -> tuple[NDArray[Any], list[NDArray[Any]], list[NDArray[Any]]]:
     """Return rows (..., C, 6N) that give deformations from a shape (u, f), k in 1/m.
 
-    The rows are −i times δN, then −i times δT and −i times δS − δT for each of the tangents `ways`.
+    The rows give −i δN; then, for each of the tangents `ways`, −i δT, and −i (δS − δT).
     """
     phase_i, phase_j = _phases(contacts, wavevectors)
 

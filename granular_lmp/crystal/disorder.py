@@ -163,7 +163,8 @@ def imperfect(
     pairs : sequence of Pair
         Measured stiffnesses between two kinds. Spheres of a kind in a pair have a separate material.
     recorded : int, optional
-        Index of a sphere that must be present: no vacancy is at its place.
+        Index of a sphere that must be present: no random vacancy is at its place, and an inclusion must not leave it
+        out.
 
     Returns
     -------

@@ -379,7 +379,7 @@ def potential_of(
 
 
 def _bounded(held: Floats, faces: Sequence[Face]) -> NDArray[np.bool_]:
-    """Return the axes along which the box is bounded at both ends, (3,): by held spheres or walls, along z by walls."""
+    """Return the axes along which the box ends on both sides, (3,): by held spheres or walls, along z only by walls."""
     walls = np.bincount([face.axis for face in faces], minlength=3)
     spread = np.ptp(held, axis=0) > 0 if len(held) else np.zeros(3, dtype=bool)
     both = spread | (len(held) > 0) & (walls > 0)

@@ -193,7 +193,7 @@ def quiet_end(
 
 
 def _best(line: Line, modes: Sequence[Mode], rows: int, physics: Physics) -> QuietEnd:
-    """Return the layer of a given thickness with the smallest largest reflection over the modes."""
+    """Return the layer of a given thickness whose largest reflection over the modes is least."""
     tried = [QuietEnd(rows, strength, power, 0.0) for power in POWERS for strength in _strengths()]
     rates = np.array([end.rates() for end in tried])
     worst = np.max([_reflections(line, mode, rates, physics) for mode in modes], axis=0)

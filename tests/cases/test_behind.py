@@ -131,5 +131,5 @@ def test_too_few_runs_and_runs_of_two_interfaces_are_refused(record: Record) -> 
         behind.parts([record])
     farther = replace(record, scene=SCENE.with_values({"inclusion.1.rows": [58, 94]}))
     stiffer = replace(record, scene=SCENE.with_values({"inclusion.1.youngs_modulus": 220e9}))
-    with pytest.raises(ValueError, match="2 kinds of runs: runs must differ only in the first row"):
+    with pytest.raises(ValueError, match="2 kinds of runs: runs must differ only in the first row of the interface"):
         behind.parts([farther, farther, farther, stiffer])

@@ -46,7 +46,7 @@ def test_theory_is_that_of_the_step() -> None:
 
 
 def test_runs_that_show_no_reflection_are_refused() -> None:
-    with pytest.raises(ValueError, match="13 late snapshots of 18 rows: must be 20 of 8"):
+    with pytest.raises(ValueError, match="13 late snapshots of 18 rows: must be at least 20 of 8"):
         reflection.measured(stand_in(SCENE, 0.1, duration=100.0))
     with pytest.raises(ValueError, match='must have wave.form = "driven" and absorb.rows'):
         reflection.expected(Scene.load("tr_driven"))

@@ -204,7 +204,7 @@ def test_lammps_runs_what_was_designed_and_has_its_objective(
     assert float(capsys.readouterr().out.split()[-1]) == pytest.approx(log["best"][-1], rel=1e-4)
     with pytest.raises(TheoryError, match="needs 2 runs, not 1"):
         designs.read_off(records[:1], "second-harmonic")
-    with pytest.raises(TheoryError, match="the runs must start with opposite signs, wave.phase = 0 and pi"):
+    with pytest.raises(TheoryError, match="the runs must start with opposite signs: wave.phase must differ by pi"):
         designs.read_off([records[0], records[0]], "second-harmonic")
     rare = best.with_values({"output.particles": 2 * best.time.sample, "time.duration": 4 * best.time.sample})
     with pytest.raises(TheoryError, match=r"output.particles = .*: must be time.sample"):

@@ -42,9 +42,9 @@ from granular_lmp.runs.record import Record
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
 PERIODS = 10  # periods of Ω at the end of a run from which amplitudes are fitted
-PER_PERIOD = 4  # least samples in a period of 2Ω
+PER_PERIOD = 4  # fewest samples in a period of 2Ω
 NEAR = 3  # rows left out next to source, interface and quiet end, in which near fields decay
-FEWEST = 4  # least runs
+FEWEST = 4  # fewest runs
 
 
 @dataclass(frozen=True)

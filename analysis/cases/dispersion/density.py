@@ -27,7 +27,7 @@ TABLES = {"name", "wave", "start", "time", "effects", "output"}
 KEYS = {f"sphere.{name}" for name in ("radius", "youngs_modulus", "poisson_ratio", "work_of_adhesion", "density")}
 KEYS |= {f"packing.{name}" for name in ("rows", "columns", "ends", "sides", "contact_force")}
 LINEAR = {"largest_slip": "contacts slid", "open_contacts": "contacts opened"}
-FEWEST = 8  # least records; with fewer the window leaves hardly any
+FEWEST = 8  # fewest records; with fewer the window leaves hardly any
 
 
 @dataclass(frozen=True)

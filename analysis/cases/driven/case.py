@@ -25,8 +25,8 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-PERIODS = 5  # least periods in the window of the fit; Hann's side lobes then separate 1, Ω and 2Ω
-PER_PERIOD = 8  # least snapshots in a period; the third harmonic needs 6
+PERIODS = 5  # fewest periods in the window of the fit; Hann's side lobes then separate 1, Ω and 2Ω
+PER_PERIOD = 8  # fewest snapshots in a period; the third harmonic needs 6
 FEWEST_ROWS = 3
 PART = 1 / 3  # share of the time after the ramp that is in the window
 

@@ -24,7 +24,7 @@ from granular_lmp.runs.record import Record
 DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
 NEAREST, FARTHEST = 10.0, 0.6  # range of a fit: from this many diameters to this share of the rows, before an echo
 ASIDE = 0.85  # share of the way to the nearer side up to which no echo reaches the crest of a front, 3 diameters long
-FEWEST = 4  # least spheres of a fit
+FEWEST = 4  # fewest spheres of a fit
 CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (cases.solitary.travelling)
 _STYLES = {0: "o", 30: "s", 60: "^", 90: "D"}
 

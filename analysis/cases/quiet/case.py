@@ -70,7 +70,7 @@ def measured(record: Record) -> float:
     late = tau > _LATE * scene.time.duration
     rows = np.arange(_NEAR, scene.shape.rows - 1 - int(scene.absorb.rows) - _NEAR)
     if late.sum() < 20 or len(rows) < 8:
-        raise ValueError(f"{record.folder}: {late.sum()} late snapshots of {len(rows)} rows: must be 20 of 8 or more")
+        raise ValueError(f"{record.folder}: {late.sum()} late snapshots of {len(rows)} rows: must be at least 20 of 8")
     along = int(scene.require_wave().mode == "L")
     field = snapshots.stack("displacement")[late][:, :: scene.shape.columns, along][:, rows]
     phase = mode_of(scene).frequency * tau[late]

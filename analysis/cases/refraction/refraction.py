@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cases.solitary.chain_motion import first_peak, peak
 
 Floats = NDArray[np.float64]
-FEWEST = 12  # least spheres of a fit
+FEWEST = 12  # fewest spheres of a fit
 NEAR, FAR = 3.0, 8.0  # range of a fit, diameters from the interface: beyond its ragged edge, before the front changes
 BESIDE = 8.0  # range of a fit along the interface, diameters to each side of its middle
 PLANE = 0.5  # rms time, t0, by which crests of a plane front may be off a plane; a crest lasts some 3 t0

@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 
 PER_SPHERE = 16  # samples per sphere; 8 give the wave of touching spheres to 1e-15
 NARROWEST = 6.0  # least half period, at which the wave of touching spheres has fallen to 1e-20
-GAMMA = 2.5  # Petviashvili's exponent p/(p − 1) is 2 for the quadratic N of sound, 3 for the power 3/2; 2.5 converges
+GAMMA = 2.5  # Petviashvili's exponent p/(p − 1): 2 for the quadratic N of sound, 3 for the power 3/2; both converge
 ENOUGH = 1e-13  # relative change at which the iteration ends
 MOST = 400  # largest number of iterations; 60 to 100 are typical
 SLOWEST, FASTEST = 1.001, 100.0  # V/c

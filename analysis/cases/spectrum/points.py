@@ -155,8 +155,9 @@ def point(record: Record) -> Point:
 def crossing(x: ArrayLike, y: ArrayLike, errors: ArrayLike) -> tuple[float, float]:
     """Return the zero x of y(x) and its standard error: the root of a polynomial fitted, with weights, to near points.
 
-    A change of sign where |y| is largest is a pole, and is skipped; of several zeros the one with the smallest |y| is
-    taken. If the points scatter about the polynomial by more than their errors, the errors are scaled up accordingly.
+    A change of sign from which |y| falls to either side is a pole, and is skipped; of several zeros the one with the
+    smallest |y| is taken. If the points scatter about the polynomial by more than their errors, the errors are scaled
+    up accordingly.
 
     Raises ValueError if y does not change sign, or if there are too few points.
     """

@@ -180,7 +180,7 @@ def read_off(records: Sequence[Record], objective: str) -> float:
     motions = [_motion_of(each, subject.first, spheres) for each in records]
     starts = [sign * each.motion[0] for sign, each in zip(goal.signs, motions, strict=True)]
     if not all(np.allclose(each, starts[0], rtol=0, atol=_EQUAL * np.abs(starts[0]).max()) for each in starts):
-        raise TheoryError(f"{objective}: the runs must start with opposite signs, wave.phase = 0 and pi")
+        raise TheoryError(f"{objective}: the runs must start with opposite signs: wave.phase must differ by pi")
     return goal.of(motions)[0]
 
 

@@ -44,7 +44,7 @@ OF: Mapping[str, tuple[str, str]] = {
 BOUNDS = (0.1, 5.0)
 LARGEST = 6000  # most values of an image; its matrices then take some GB
 PENALTIES = ("tikhonov", "tv")
-_EQUAL = 1e-3  # times that differ by less than this share of a sample are equal
+_EQUAL = 1e-3  # times that differ by less than this share of the time between two samples are equal
 _LOADED = 1e-6  # a contact bears a load if its force at rest exceeds this share of its force and pull-off force
 
 
@@ -288,7 +288,7 @@ class Sought:
             One of `PENALTIES`.
         known : bool
             True if the errors of the shots are the true errors of the records: then χ² = N chooses the weight.
-            Otherwise the corner of the L-curve does.
+            Otherwise, or if χ² stays above N, the corner of the L-curve does.
         bounds : pair of float
             Lower and upper bound of all values, below and above 1.
         told : callable

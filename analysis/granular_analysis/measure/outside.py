@@ -30,7 +30,7 @@ FREE, WALL, CHAIN = "free", "wall", "chain"
 
 @dataclass(frozen=True)
 class Scales:
-    """Units of a record, and SI units, both in units of its deck.
+    """Units of a record in units of its deck, and units of the deck in SI.
 
     Attributes
     ----------

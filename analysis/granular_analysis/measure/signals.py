@@ -24,7 +24,7 @@ IN_SPACE = ("ux", "uy", "uz", "phix", "phiy", "phiz")
 FIELDS = ("displacement", "velocity", "spin")
 # Largest value below which a reference is zero: an error relative to it would compare rounding with rounding
 SILENT = 1e-9
-FEWEST = 3  # least records for each factor of a fit; with fewer the standard error means nothing
+FEWEST = 3  # fewest records for each factor of a fit; with fewer the standard error means nothing
 
 
 def predicted_amplitude(wave: Wave) -> float | None:

@@ -24,8 +24,8 @@ __all__ = ["Traces"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 _TAKEN = [[f"{name}_{axis}" for axis in "xyz"] for name in ("displacement", "velocity")]
-_EQUAL = 1e-3  # times that differ by less than this share of a sample are equal
-_FEWEST = 4  # least samples of a record, and of a spline
+_EQUAL = 1e-3  # times that differ by less than this share of the time between two samples are equal
+_FEWEST = 4  # fewest samples of a record, and of a spline
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,8 @@ class Traces:
     def at(self, grid: Floats) -> dict[str, Floats]:
         """Return the motion at the times of a grid (G,), by name (G, n); nan in gaps and outside the measured times.
 
-        Times that are measured ones, within 1e-3 of a sample, are read off; otherwise cubic splines interpolate.
+        If all times are measured ones, to 1e-3 of the time between two samples, their values are taken; otherwise cubic
+        splines interpolate.
         """
         apart = self.time[1] - self.time[0]
         index = np.rint((grid - self.time[0]) / apart).astype(np.intp)

@@ -63,7 +63,8 @@ _IMPERFECT = {"packing.table", *(f"disorder.{name}" for name in ("radius", "dens
     )
 }
 
-# Only hierarchy and exact-lattice include dashpots; three-mode excludes the incremental law
+# Of the theories of a plane wave, only hierarchy and exact-lattice include dashpots, and three-mode excludes the
+# incremental law
 HOLDS: dict[str, frozenset[str]] = {
     "second-order": _ALONG_Y | {INCREMENTAL, OBLIQUE, JKR},
     "frequency-shift": _ALONG_Y | {INCREMENTAL, OBLIQUE, JKR},

@@ -12,8 +12,8 @@ all matrices K_bb + S, plus the number of waves of each slab between held faces 
 such wave below π c_t/h: a film is halved until the halves have none, and is then assembled again by doubling.
 
 When it breaks: rounding takes the share ε(k c/ω)² of K, where ε is the precision of a double, because both kinds of
-waves become one at ω = 0. Bending of a plate is therefore lost where kh is below 1e-2. A leaking wave grows downward
-and loses digits in proportion to its growth through the films.
+waves become one at ω = 0. Bending of a plate is therefore lost where kh is below 1e-2. A leaking wave grows downward:
+its relative rounding error grows by as much as the wave does through the films.
 """
 
 from typing import Any, NamedTuple

@@ -245,7 +245,7 @@ class _Guess(NamedTuple):
 
 
 def _guesses(contact: Contact, ratio: float, angles: tuple[float, float]) -> Iterator[_Guess]:
-    """Yield the waves along two directions with Ω2 = ratio·Ω1 that resonate with a branch, from a grid of numbers."""
+    """Yield waves along two directions with Ω2 = ratio·Ω1 that resonate with a branch, on a grid of wave numbers."""
     along = (frame(angles[0])[0], frame(angles[1])[0])
     lengths = [np.linspace(0.02, 1.0, POINTS) * _border(direction) for direction in along]
     first, second = (

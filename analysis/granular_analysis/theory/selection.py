@@ -42,7 +42,7 @@ _WHOLE = 1 - 1e-13
 
 @lru_cache(maxsize=1)  # every pair of waves in one crystal asks for the mirrors again
 def mirrors(crystal: Crystal) -> tuple[Mirror, ...]:
-    """Return the mirrors of a crystal; a mirror keeps all directions of contacts, or exchanges two of them."""
+    """Return the mirrors of a crystal; a mirror keeps all directions of contacts, or exchanges some two of them."""
     directions = _apart(crystal.bonds.normal)
     sums = (directions[:, None] + directions).reshape(-1, 3), (directions[:, None] - directions).reshape(-1, 3)
     crosses = np.cross(directions[:, None], directions).reshape(-1, 3)

@@ -231,7 +231,7 @@ def shifted_second_order(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Fl
 
 
 def resonance(contact: Contact) -> float | None:
-    """Return ξ where the second harmonic of TR along y is a free L wave, 2Ω_TR(ξ) = Ω_L(2ξ); None if no ξ is."""
+    """Return ξ where the second harmonic of TR along y is a free L wave, 2Ω_TR(ξ) = Ω_L(2ξ); None without such a ξ."""
     return _first("resonance", contact)
 
 

@@ -27,7 +27,7 @@ from granular_lmp.runs.unnamed import Unnamed
 
 Floats = NDArray[np.float64]
 FIELDS = ("wavenumber", "frequency", "along", "power")
-FEWEST = 8  # least snapshots; with fewer the window leaves hardly any
+FEWEST = 8  # fewest snapshots; with fewer the window leaves hardly any
 MOST = 200  # largest number of wave numbers
 _DIGITS = 6  # decimals of radius and mass, over the largest, that decide whether spheres are of one kind
 _SHOWN = 20  # lines of the table
