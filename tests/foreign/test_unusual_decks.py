@@ -105,6 +105,23 @@ def test_an_option_of_a_law_that_the_witness_does_not_know_is_refused_by_its_lin
     assert f"note: in.beads:18: no check knows {option};" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("option", OPTIONS)
+def test_options_after_one_that_is_not_known_are_read(option: str, tmp_path: Path) -> None:
+    more = LAW.replace(" tangential", f" {OPTIONS[option]} tangential").replace("\n", " damping tsuji\n")
+    law = written(tmp_path, changed((LAW, more))).laws[1, 1]
+    assert (law.unread, law.tangential, law.friction, law.damping_law) == (option, "mindlin", 0.5, "tsuji")
+
+
+@pytest.mark.parametrize(("given", "mixed"), [("4e11", 2e11), ("NULL", None)])
+def test_lammps_mixes_two_shear_stiffnesses_and_computes_one_that_is_null(
+    given: str, mixed: float | None, tmp_path: Path
+) -> None:
+    laws = [LAW.replace("* *", each).replace("NULL", word) for each, word in (("1 1", "1e11"), ("2 2", given))]
+    law = written(tmp_path, changed((LAW, "".join(laws)))).laws[1, 2]
+    assert law.shear_stiffness == (mixed if mixed is None else pytest.approx(mixed))
+    assert (law.shear_share == 1) == (mixed is not None)
+
+
 def test_the_global_cutoff_is_refused(dump: Path, tmp_path: Path) -> None:
     crystal = adopted(written(tmp_path, changed(("pair_style granular", "pair_style granular 1.9"))), dump)
     with pytest.raises(TheoryError, match="pair_style granular 1.9 is not built"):
