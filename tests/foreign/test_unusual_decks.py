@@ -1,5 +1,7 @@
 """Legal decks that few people write: each number of theirs is right under its name, or refused by name and line."""
 
+from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -140,6 +142,23 @@ def witness_refuses(text: str, dump: Path, folder: Path) -> str:
     return str(refused.value).partition(" is not built")[0].rpartition(": ")[2]
 
 
+LATER = {"unread": "laws", "line": "walls", "unfollowed": "outside", "strangers": "unnamed", "absent": "unnamed"}
+
+
+@pytest.mark.parametrize(("entry", "where"), LATER.items())
+def test_a_folder_without_an_entry_that_refuses_decks_must_be_adopted_again(
+    entry: str, where: str, dump: Path, tmp_path: Path
+) -> None:
+    crystal = adopted(written(tmp_path, changed((MOVE, MOVE + FLOOR))), dump)
+    known = deepcopy(crystal.known)
+    for place in {"laws": known["laws"], "walls": known["outside"]["walls"]}.get(
+        where, [known["outside"] if where == "outside" else known]
+    ):
+        del place[entry]
+    with pytest.raises(TheoryError, match=f"run.json lacks {entry}, as another version wrote it; adopt the dump again"):
+        witness(replace(crystal, info=crystal.info | {"unnamed": known}))
+
+
 def test_walls_with_other_options_are_kept_by_their_line(tmp_path: Path) -> None:
     wall = FLOOR.replace(" yplane", " rolling sds 1e9 0 0.1 yplane")
     found = outside_of(written(tmp_path, changed((MOVE, MOVE + wall))))
@@ -154,7 +173,10 @@ def test_the_last_of_two_damping_laws_holds(dump: Path, tmp_path: Path) -> None:
 
 def test_a_restitution_that_adds_energy_is_refused(dump: Path, tmp_path: Path) -> None:
     law = DAMPED.replace("2e12 200 ", "2e12 1.1 ").replace("\n", " damping coeff_restitution\n")
-    with pytest.raises(TheoryError, match=r"a restitution of 1\.1 is not built; the witness knows 0 to 1"):
+    with pytest.raises(
+        TheoryError,
+        match=r"in.beads:18: .*: a restitution of 1\.1 is not built; the witness knows values above 0, up to 1",
+    ):
         witness(adopted(written(tmp_path, changed((LAW, law))), dump))
 
 
