@@ -448,3 +448,36 @@ def test_a_deck_without_a_pair_style_is_read(tmp_path: Path) -> None:
     assert not reading.stopped
     assert reading.laws == {}
     assert isinstance(outside_of(reading), Outside)
+
+
+EMPTY = """
+units si
+atom_style sphere
+boundary f f f
+newton off
+comm_modify vel yes
+region box block 0 1 0 1 0 1
+create_box 1 box
+pair_style granular
+pair_coeff * * hertz/material 1e7 0 0.3 tangential linear_nohistory 0.0 0.0
+fix 1 all nve/sphere
+region slab block 0 1 0 1 0.5 1
+fix 2 all gravity 9.81 vector 0 0 -1
+fix ins all pour 3 1 4711 region slab diam one 0.1 dens 2500 2500
+timestep 1e-4
+run 2000
+unfix ins
+dump 1 all custom 10 dump.beads id radius mass x y z vx vy vz
+run 100
+"""
+
+
+def test_a_deck_that_inserts_spheres_is_refused_with_a_remedy_that_works(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "in.beads").write_text(EMPTY)
+    run_deck(tmp_path, "in.beads")
+    folder = ["-o", str(tmp_path / "run")]
+    assert main(["adopt", str(tmp_path / "in.beads"), *folder]) == 2
+    assert "has no spheres yet at line 16 of in.beads, 'run 2000'; dump them after" in capsys.readouterr().err
+    assert main(["adopt", str(tmp_path / "dump.beads"), "--units", "si", "--timestep", "1e-4", *folder]) == 0
