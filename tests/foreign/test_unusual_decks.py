@@ -167,7 +167,9 @@ def test_walls_with_other_options_are_kept_by_their_line(tmp_path: Path) -> None
 
 def test_the_last_of_two_damping_laws_holds(dump: Path, tmp_path: Path) -> None:
     law = DAMPED.replace("\n", " damping velocity damping mass_velocity\n")
-    with pytest.raises(TheoryError, match="damping mass_velocity is not built; the witness knows velocity and coeff"):
+    with pytest.raises(
+        TheoryError, match="in.beads:18: .*: damping mass_velocity is not built; the witness knows velocity and coeff"
+    ):
         witness(adopted(written(tmp_path, changed((LAW, law))), dump))
 
 

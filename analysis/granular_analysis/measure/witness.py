@@ -302,27 +302,33 @@ def _refuse_options(laws: Iterable[dict[str, Any]]) -> None:
             )
 
 
+def _not_built(law: dict[str, Any]) -> str:
+    """Return what of a law the network does not hold, and what it does; "" if it holds all."""
+    if law["normal"] not in _NORMAL:
+        return f"the normal law {law['normal']} is not built; the witness knows {', '.join(_NORMAL)}"
+    if law["tangential"] not in {*_SHEAR, *_ELASTIC}:
+        return f"the tangential law {law['tangential']} is not built; the witness knows {[*_SHEAR]}"
+    if law["shear_stiffness"] is not None and law["tangential"] in _SHEAR:
+        return "a separate shear stiffness is not built; the witness knows NULL"
+    if law["tangential"] == "linear_nohistory" and law["damping"] * law["shear_damping"] * law["friction"]:
+        return "a damping of shear without a spring is not built; the witness knows mindlin"
+    if law["damping"] and law["damping_law"] not in ("velocity", "coeff_restitution"):
+        return f"damping {law['damping_law']} is not built; the witness knows velocity and coeff_restitution"
+    if law["damping"] and law["tangential"] in _SHEAR and law["shear_damping"] != 1:
+        return "a separate damping of shear is not built; the witness knows 1"
+    return ""
+
+
 def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[str, Any]]) -> None:
     """Raise TheoryError for laws that the network does not hold."""
     for law in laws.values():
-        if law["normal"] not in _NORMAL:
-            raise TheoryError(f"the normal law {law['normal']} is not built; the witness knows {', '.join(_NORMAL)}")
-        if law["tangential"] not in {*_SHEAR, *_ELASTIC}:
-            raise TheoryError(f"the tangential law {law['tangential']} is not built; the witness knows {[*_SHEAR]}")
-        if law["shear_stiffness"] is not None and law["tangential"] in _SHEAR:
-            raise TheoryError("a separate shear stiffness is not built; the witness knows NULL")
-        if law["tangential"] == "linear_nohistory" and law["damping"] * law["shear_damping"] * law["friction"]:
-            raise TheoryError("a damping of shear without a spring is not built; the witness knows mindlin")
-        if law["damping"] and law["damping_law"] not in ("velocity", "coeff_restitution"):
-            raise TheoryError(
-                f"damping {law['damping_law']} is not built; the witness knows velocity and coeff_restitution"
-            )
-        if law["damping"] and law["tangential"] in _SHEAR and law["shear_damping"] != 1:
-            raise TheoryError("a separate damping of shear is not built; the witness knows 1")
+        if said := _not_built(law):
+            raise TheoryError(f"{law['line']}: {said}")
     for pair, law in laws.items():
         if not law["mixed"] and any(law[name] != laws[one, one][name] for name in _MATERIAL for one in pair):
             raise TheoryError(
-                f"a separate law between types {pair[0]} and {pair[1]} is not built; the witness mixes their materials"
+                f"{law['line']}: a separate law between types {pair[0]} and {pair[1]} is not built; the witness mixes "
+                "their materials"
             )
     same = ("normal", "tangential", "friction", "damping_law", "damping")
     if any(each[name] != own[0][name] for each in laws.values() for name in same):
