@@ -264,9 +264,10 @@ class Conversion:
         self._refuse_half(first)
         largest = float(self.largest.max())
         if self.resolution > _COARSE * largest:
+            unit = "units of length" if units.style == "lj" else "m"
             self.say(
-                f"places are printed to {units.si(self.resolution, length=1):.1e} m, and no sphere moves by more than "
-                f"{units.si(largest, length=1):.1e} m: displacements and overlaps are rounded; write it with "
+                f"places are printed to {units.si(self.resolution, length=1):.1e} {unit}, and no sphere moves by more "
+                f"than {units.si(largest, length=1):.1e} {unit}: displacements and overlaps are rounded; write it with "
                 "dump_modify format float %.15g"
             )
         step = 0.0 if self.known.timestep is None else float(units.si(self.known.timestep, time=1))

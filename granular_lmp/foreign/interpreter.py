@@ -42,20 +42,8 @@ _EXECUTED = {
     *("fix_modify", "group", "labelmap", "lattice", "mass", "min_modify", "min_style", "molecule"),
     *("neigh_modify", "neighbor", "newton", "package", "pair_coeff", "pair_modify", "pair_style", "processors"),
     *("read_data", "read_dump", "read_restart", "region", "replicate", "reset_atoms", "reset_timestep"),
-    *(
-        "bond_coeff",
-        "bond_style",
-        "create_bonds",
-        "delete_bonds",
-        "run_style",
-        "set",
-        "special_bonds",
-        "suffix",
-        "thermo",
-        "thermo_modify",
-        "thermo_style",
-        "timestep",
-    ),
+    *("bond_coeff", "bond_style", "create_bonds", "delete_bonds", "run_style", "set", "special_bonds", "suffix"),
+    *("thermo", "thermo_modify", "thermo_style", "timestep"),
     *("uncompute", "unfix", "units", "variable", "velocity"),
 }
 _STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "python/move", "imd", "ipi", "mdi/qm", "mdi/qmmm", "client/md")

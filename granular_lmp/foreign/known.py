@@ -73,8 +73,7 @@ def known_of(reading: Reading, given: Known, dumps: Sequence[str | Path] = ()) -
     writers = writers_of(reading, dumps or [each.words[5] for each in _first_dumps(reading)])
     recorded = recorded_by(reading, writers)
     if recorded is None:
-        short = "" if reading.spheres is None else f"{reading.deck}: has no run of several steps"
-        raise RunFolderError(reading.stopped or short or f"{reading.deck}: has no run")
+        raise RunFolderError(reading.stopped or f"{reading.deck}: {_no_record(reading)}")
     stage = recorded.stage
     remarks = [f"{reading.deck}: {reading.stopped}"] if reading.stopped else []
     if len({each.timestep for each in reading.stages if each.long}) > 1 and given.timestep is None:
@@ -96,6 +95,17 @@ def known_of(reading: Reading, given: Known, dumps: Sequence[str | Path] = ()) -
         outside_of(reading, writers),
     )
     return known, remarks
+
+
+def _no_record(reading: Reading) -> str:
+    """Return why a deck that was read to its end has no record of a run."""
+    run = next((stage.command for stage in reading.stages if stage.long), None)
+    if run is None:
+        return "has no run of several steps" if reading.stages else "has no run"
+    return (
+        f"has no spheres yet at line {run.line} of {run.file}, '{run}'; dump them after they are inserted, and adopt "
+        "this dump without the deck, with --units and --timestep"
+    )
 
 
 def _unknown_step(reading: Reading, recorded: Recorded) -> bool:

@@ -10,6 +10,7 @@ https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/pair_gran.ht
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import dropwhile
 from math import sqrt
 from typing import Any
 
@@ -41,6 +42,7 @@ _TANGENTIAL = {
 _DAMPING = ("velocity", "mass_velocity", "viscoelastic", "tsuji", "coeff_restitution")
 _OF_TANGENTIAL = ("tangential", "shear_stiffness", "shear_damping", "friction")
 _PARTS = ("tangential", "damping", "rolling", "twisting", "heat")  # keywords that a name of a sub-model follows
+_KEYWORDS = (*_PARTS, "cutoff", "limit_damping", "synchronized_verlet")
 PLANES = ("xplane", "yplane", "zplane")
 _SURFACES = (*PLANES, "zcylinder", "region")  # words of fix wall/gran that end its law
 CLASSIC = ("gran/hooke", "gran/hooke/history", "gran/hertz/history")
@@ -202,7 +204,7 @@ def granular(command: Command, words: Sequence[str]) -> Law | None:
     """Return the law that the words of ``pair_coeff`` or ``fix wall/gran granular`` give; None if it is unknown.
 
     Words are read in their order, as in LAMMPS: of two ``tangential`` or ``damping`` the last one holds. `Law.unread`
-    names an option that is not known.
+    names the first option that is not known; the options after it are read.
     """
     if not words or words[0] not in _NORMAL:
         return None
@@ -221,8 +223,8 @@ def granular(command: Command, words: Sequence[str]) -> Law | None:
         elif keyword in ("rolling", "twisting", "heat") and style == "none":
             left = left[2:]
         else:
-            values["unread"] = f"{keyword} {style}".strip() if keyword in _PARTS else keyword
-            break
+            values.setdefault("unread", f"{keyword} {style}".strip() if keyword in _PARTS else keyword)
+            left = [*dropwhile(lambda word: word not in _KEYWORDS, left[1:])]
     return Law(command, words[0], **values)
 
 
@@ -298,7 +300,8 @@ def _types(word: str, types: int) -> range:
 def _mixed(one: Law, other: Law) -> Law:
     """Return the law that LAMMPS mixes, with E*, G* of contact mechanics and the share of G* that LAMMPS uses.
 
-    With the stiffness NULL, LAMMPS computes G* as if both spheres had the mixed E* as modulus, and √(ν1 ν2).
+    With the stiffness NULL of one type or both, LAMMPS computes G* as if both spheres had the mixed E* as modulus, and
+    √(ν1 ν2). Two given stiffnesses have their geometric mean.
     """
     same: dict[str, Any] = {
         "mixed": True,
@@ -306,14 +309,16 @@ def _mixed(one: Law, other: Law) -> Law:
         "damping": sqrt(max(one.damping * other.damping, 0.0)),
         "shear_damping": sqrt(max(one.shear_damping * other.shear_damping, 0.0)),
         "friction": sqrt(max(one.friction * other.friction, 0.0)),
+        "shear_stiffness": None,
     }
+    if one.shear_stiffness is not None and other.shear_stiffness is not None:
+        same["shear_stiffness"] = sqrt(max(one.shear_stiffness * other.shear_stiffness, 0.0))
     if one.normal not in MATERIAL:
         return replace(one, stiffness=sqrt(one.stiffness * other.stiffness), **same)
     (e, g), (e2, g2) = one.effective(), other.effective()
     modulus, shear = 2 * e * e2 / (e + e2), 2 * g * g2 / (g + g2)
     poisson = sqrt(max(one.poisson * other.poisson, 0.0))
     taken = modulus / (4 * (1 + poisson) * (2 - poisson))
-    null = one.shear_stiffness is None and other.shear_stiffness is None
     return replace(
         one,
         **same,
@@ -321,5 +326,5 @@ def _mixed(one: Law, other: Law) -> Law:
         poisson=poisson,
         modulus=modulus,
         shear_modulus=shear,
-        shear_share=taken / shear if null else 1.0,
+        shear_share=taken / shear if same["shear_stiffness"] is None else 1.0,
     )

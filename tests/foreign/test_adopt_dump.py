@@ -242,6 +242,8 @@ def test_a_record_is_in_si_units_whatever_the_style(style: str, length: float, t
     assert found.in_si == (style != "lj")
     assert [*found.si][:3] == (["t", "id", "x"] if style == "lj" else ["t_s", "id", "x_m"])
     assert found.mass[0] == pytest.approx(density * 4 / 3 * np.pi * (0.1 * length) ** 3, rel=1e-13)
+    unit = "units of length" if style == "lj" else "m"
+    assert any(f"0.0e+00 {unit}: displacements" in each for each in found.info["remarks"])
 
 
 REFUSED = {

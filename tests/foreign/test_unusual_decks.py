@@ -1,5 +1,7 @@
 """Legal decks that few people write: each number of theirs is right under its name, or refused by name and line."""
 
+from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -105,6 +107,23 @@ def test_an_option_of_a_law_that_the_witness_does_not_know_is_refused_by_its_lin
     assert f"note: in.beads:18: no check knows {option};" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("option", OPTIONS)
+def test_options_after_one_that_is_not_known_are_read(option: str, tmp_path: Path) -> None:
+    more = LAW.replace(" tangential", f" {OPTIONS[option]} tangential").replace("\n", " damping tsuji\n")
+    law = written(tmp_path, changed((LAW, more))).laws[1, 1]
+    assert (law.unread, law.tangential, law.friction, law.damping_law) == (option, "mindlin", 0.5, "tsuji")
+
+
+@pytest.mark.parametrize(("given", "mixed"), [("4e11", 2e11), ("NULL", None)])
+def test_lammps_mixes_two_shear_stiffnesses_and_computes_one_that_is_null(
+    given: str, mixed: float | None, tmp_path: Path
+) -> None:
+    laws = [LAW.replace("* *", each).replace("NULL", word) for each, word in (("1 1", "1e11"), ("2 2", given))]
+    law = written(tmp_path, changed((LAW, "".join(laws)))).laws[1, 2]
+    assert law.shear_stiffness == (mixed if mixed is None else pytest.approx(mixed))
+    assert (law.shear_share == 1) == (mixed is not None)
+
+
 def test_the_global_cutoff_is_refused(dump: Path, tmp_path: Path) -> None:
     crystal = adopted(written(tmp_path, changed(("pair_style granular", "pair_style granular 1.9"))), dump)
     with pytest.raises(TheoryError, match="pair_style granular 1.9 is not built"):
@@ -123,6 +142,23 @@ def witness_refuses(text: str, dump: Path, folder: Path) -> str:
     return str(refused.value).partition(" is not built")[0].rpartition(": ")[2]
 
 
+LATER = {"unread": "laws", "line": "walls", "unfollowed": "outside", "strangers": "unnamed", "absent": "unnamed"}
+
+
+@pytest.mark.parametrize(("entry", "where"), LATER.items())
+def test_a_folder_without_an_entry_that_refuses_decks_must_be_adopted_again(
+    entry: str, where: str, dump: Path, tmp_path: Path
+) -> None:
+    crystal = adopted(written(tmp_path, changed((MOVE, MOVE + FLOOR))), dump)
+    known = deepcopy(crystal.known)
+    for place in {"laws": known["laws"], "walls": known["outside"]["walls"]}.get(
+        where, [known["outside"] if where == "outside" else known]
+    ):
+        del place[entry]
+    with pytest.raises(TheoryError, match=f"run.json lacks {entry}, as another version wrote it; adopt the dump again"):
+        witness(replace(crystal, info=crystal.info | {"unnamed": known}))
+
+
 def test_walls_with_other_options_are_kept_by_their_line(tmp_path: Path) -> None:
     wall = FLOOR.replace(" yplane", " rolling sds 1e9 0 0.1 yplane")
     found = outside_of(written(tmp_path, changed((MOVE, MOVE + wall))))
@@ -131,13 +167,18 @@ def test_walls_with_other_options_are_kept_by_their_line(tmp_path: Path) -> None
 
 def test_the_last_of_two_damping_laws_holds(dump: Path, tmp_path: Path) -> None:
     law = DAMPED.replace("\n", " damping velocity damping mass_velocity\n")
-    with pytest.raises(TheoryError, match="damping mass_velocity is not built; the witness knows velocity and coeff"):
+    with pytest.raises(
+        TheoryError, match="in.beads:18: .*: damping mass_velocity is not built; the witness knows velocity and coeff"
+    ):
         witness(adopted(written(tmp_path, changed((LAW, law))), dump))
 
 
 def test_a_restitution_that_adds_energy_is_refused(dump: Path, tmp_path: Path) -> None:
     law = DAMPED.replace("2e12 200 ", "2e12 1.1 ").replace("\n", " damping coeff_restitution\n")
-    with pytest.raises(TheoryError, match=r"a restitution of 1\.1 is not built; the witness knows 0 to 1"):
+    with pytest.raises(
+        TheoryError,
+        match=r"in.beads:18: .*: a restitution of 1\.1 is not built; the witness knows values above 0, up to 1",
+    ):
         witness(adopted(written(tmp_path, changed((LAW, law))), dump))
 
 
@@ -409,3 +450,36 @@ def test_a_deck_without_a_pair_style_is_read(tmp_path: Path) -> None:
     assert not reading.stopped
     assert reading.laws == {}
     assert isinstance(outside_of(reading), Outside)
+
+
+EMPTY = """
+units si
+atom_style sphere
+boundary f f f
+newton off
+comm_modify vel yes
+region box block 0 1 0 1 0 1
+create_box 1 box
+pair_style granular
+pair_coeff * * hertz/material 1e7 0 0.3 tangential linear_nohistory 0.0 0.0
+fix 1 all nve/sphere
+region slab block 0 1 0 1 0.5 1
+fix 2 all gravity 9.81 vector 0 0 -1
+fix ins all pour 3 1 4711 region slab diam one 0.1 dens 2500 2500
+timestep 1e-4
+run 2000
+unfix ins
+dump 1 all custom 10 dump.beads id radius mass x y z vx vy vz
+run 100
+"""
+
+
+def test_a_deck_that_inserts_spheres_is_refused_with_a_remedy_that_works(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "in.beads").write_text(EMPTY)
+    run_deck(tmp_path, "in.beads")
+    folder = ["-o", str(tmp_path / "run")]
+    assert main(["adopt", str(tmp_path / "in.beads"), *folder]) == 2
+    assert "has no spheres yet at line 16 of in.beads, 'run 2000'; dump them after" in capsys.readouterr().err
+    assert main(["adopt", str(tmp_path / "dump.beads"), "--units", "si", "--timestep", "1e-4", *folder]) == 0

@@ -40,6 +40,8 @@ _NORMAL: dict[str, Adhesion] = {"hertz/material": "dmt", "dmt": "dmt", "jkr": "j
 _SHEAR: dict[str, Law] = {"mindlin": "secant", "mindlin/force": "incremental"}
 _MATERIAL = ("young", "poisson", "gamma")
 _ELASTIC = {"none", "linear_nohistory"}
+# Entries of run.json, some of which folders of earlier versions lack
+_OF_DECK, _OF_OUTSIDE, _OF_LAW = ("absent", "strangers"), ("unfollowed",), ("line", "unread")
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,7 @@ def network_of(crystal: Unnamed) -> Network:
     laws = {tuple(each["types"]): each for each in crystal.known["laws"]}
     if not laws:
         raise TheoryError("no contact law is known; adopt the dump together with its deck, or with --law")
+    _refuse_unsaid(crystal)
     kinds = np.unique(crystal.types)
     own = [laws[kind, kind] for kind in kinds.tolist() if (kind, kind) in laws]
     if len(own) < len(kinds):
@@ -274,36 +277,58 @@ def _restitution(law: dict[str, Any]) -> float | None:
     return law["damping"] if dissipates else None
 
 
+def _refuse_unsaid(crystal: Unnamed) -> None:
+    """Raise TheoryError if a folder of another version lacks an entry by which the witness refuses decks."""
+    known, outside = crystal.known, crystal.known["outside"]
+    lacking = {*_OF_DECK} - known.keys() | {*_OF_OUTSIDE} - outside.keys()
+    for law in (*known["laws"], *outside["walls"]):
+        lacking |= {*_OF_LAW} - law.keys()
+    if lacking:
+        raise TheoryError(
+            f"run.json lacks {', '.join(sorted(lacking))}, as another version wrote it; adopt the dump again, with "
+            "--force for the same folder"
+        )
+
+
 def _refuse_options(laws: Iterable[dict[str, Any]]) -> None:
     """Raise TheoryError for options of laws that the network does not hold."""
     for law in laws:
-        if unread := law.get("unread"):  # folders of earlier releases do not say it
-            raise TheoryError(f"{law['line']}: {unread} is not built; the witness knows tangential and damping")
+        if law["unread"]:
+            raise TheoryError(f"{law['line']}: {law['unread']} is not built; the witness knows tangential and damping")
         if law["damping_law"] == "coeff_restitution" and not 0 < law["damping"] <= 1:
-            raise TheoryError(f"a restitution of {law['damping']:g} is not built; the witness knows 0 to 1")
+            raise TheoryError(
+                f"{law['line']}: a restitution of {law['damping']:g} is not built; the witness knows values above 0, "
+                "up to 1"
+            )
+
+
+def _not_built(law: dict[str, Any]) -> str:
+    """Return what of a law the network does not hold, and what it does; "" if it holds all."""
+    if law["normal"] not in _NORMAL:
+        return f"the normal law {law['normal']} is not built; the witness knows {', '.join(_NORMAL)}"
+    if law["tangential"] not in {*_SHEAR, *_ELASTIC}:
+        return f"the tangential law {law['tangential']} is not built; the witness knows {[*_SHEAR]}"
+    if law["shear_stiffness"] is not None and law["tangential"] in _SHEAR:
+        return "a separate shear stiffness is not built; the witness knows NULL"
+    if law["tangential"] == "linear_nohistory" and law["damping"] * law["shear_damping"] * law["friction"]:
+        return "a damping of shear without a spring is not built; the witness knows mindlin"
+    if law["damping"] and law["damping_law"] not in ("velocity", "coeff_restitution"):
+        return f"damping {law['damping_law']} is not built; the witness knows velocity and coeff_restitution"
+    if law["damping"] and law["tangential"] in _SHEAR and law["shear_damping"] != 1:
+        return "a separate damping of shear is not built; the witness knows 1"
+    return ""
 
 
 def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[str, Any]]) -> None:
     """Raise TheoryError for laws that the network does not hold."""
     for law in laws.values():
-        if law["normal"] not in _NORMAL:
-            raise TheoryError(f"the normal law {law['normal']} is not built; the witness knows {', '.join(_NORMAL)}")
-        if law["tangential"] not in {*_SHEAR, *_ELASTIC}:
-            raise TheoryError(f"the tangential law {law['tangential']} is not built; the witness knows {[*_SHEAR]}")
-        if law["shear_stiffness"] is not None and law["tangential"] in _SHEAR:
-            raise TheoryError("a separate shear stiffness is not built; the witness knows NULL")
-        if law["tangential"] == "linear_nohistory" and law["damping"] * law["shear_damping"] * law["friction"]:
-            raise TheoryError("a damping of shear without a spring is not built; the witness knows mindlin")
-        if law["damping"] and law["damping_law"] not in ("velocity", "coeff_restitution"):
-            raise TheoryError(
-                f"damping {law['damping_law']} is not built; the witness knows velocity and coeff_restitution"
-            )
-        if law["damping"] and law["tangential"] in _SHEAR and law["shear_damping"] != 1:
-            raise TheoryError("a separate damping of shear is not built; the witness knows 1")
+        if said := _not_built(law):
+            raise TheoryError(f"{law['line']}: {said}")
     for pair, law in laws.items():
         if not law["mixed"] and any(law[name] != laws[one, one][name] for name in _MATERIAL for one in pair):
             raise TheoryError(
-                f"a separate law between types {pair[0]} and {pair[1]} is not built; the witness mixes their materials"
+                f"{law['line']}: a separate law between types {pair[0]} and {pair[1]} is not built; the witness mixes "
+                "their materials"
             )
     same = ("normal", "tangential", "friction", "damping_law", "damping")
     if any(each[name] != own[0][name] for each in laws.values() for name in same):
@@ -313,11 +338,11 @@ def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[s
 def _refuse_outside(crystal: Unnamed, law: dict[str, Any]) -> None:
     """Raise TheoryError for fixes and walls of the deck that the network does not hold."""
     outside = crystal.known["outside"]
-    for sphere in crystal.known.get("strangers", ()):
+    for sphere in crystal.known["strangers"]:
         raise TheoryError(
             f"sphere {sphere} is in the dump and not in the deck where its run begins; forces on it are not known"
         )
-    for sentence in outside.get("unfollowed", ()):
+    for sentence in outside["unfollowed"]:
         raise TheoryError(sentence)
     for line in outside["others"]:
         raise TheoryError(
@@ -360,7 +385,7 @@ def _reasons(crystal: Unnamed, network: Network, first: Moment) -> Iterator[str]
         yield f"the deck loses the slip of its contacts at step {forgotten}, where it continues from a data file"
     unknown = step != outside["begin"] or not outside["unturned"]
     for name, said in (("absent", "of the deck is not in the dump"), ("come_and_go", "comes or goes")):
-        if spheres := crystal.known.get(name):
+        if spheres := crystal.known[name]:
             yield f"sphere {spheres[0]} {said}, and the witness has no contacts with such spheres"
     if first.spin is None and unknown and network.shear and network.rotation:
         yield "the dump has no spins (omegax, omegay, omegaz); the witness begins without spin"
