@@ -17,7 +17,7 @@ from tests.legible import WIDEST, faults
 
 FIGURES = sorted((Path(__file__).parents[2] / "figures").rglob("*.png"))
 # Their runs take more than ten minutes, or time on an idle machine: they are drawn anew before a release
-EARLIER = {"accuracy", "bench"}
+EARLIER = {"bench"}
 
 
 def drawn(figure: Figure, path: Path) -> list[str]:

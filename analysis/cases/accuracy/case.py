@@ -217,7 +217,7 @@ JOINED = ("time step", TOLERANCE, LATTICE)  # families with ordered settings, jo
 # Offset of a name from its marker, in points, and the end of the name that is there
 NAMES: dict[str, tuple[tuple[float, float], str]] = {
     "second-order": ((0, 9), "left"),
-    "frequency-shift": ((0, -9), "left"),
+    "frequency-shift": ((-3, -10), "right"),
     "three-mode": ((-2, -9), "right"),
 }
 TITLES = {"p": "$p$ (second harmonic)", "q": "$q$ (fundamental)", "phi": r"$\phi$ (rotation)"}
