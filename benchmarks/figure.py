@@ -20,7 +20,7 @@ STYLES = {
     "the row equations, scipy": ("C2", "v", "-"),
     "the exact lattice, scipy": ("C2", "^", "-"),
 }
-OTHERS = ("C3", "X", "none")
+OTHERS = "XPD"  # markers of codes that make one point each
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,10 @@ def draw(points: Sequence[Point], path: str) -> None:
     figure = Figure(figsize=(6.3, 4.8), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for component, (ax, name) in enumerate(zip(axes, ("p, second harmonic", "q, fundamental"), strict=True)):
+        others = iter(OTHERS)
         for series in dict.fromkeys(point.series for point in points):
             own = sorted((point for point in points if point.series == series), key=lambda each: each.errors[component])
-            colour, marker, line = STYLES.get(series, OTHERS)
+            colour, marker, line = STYLES[series] if series in STYLES else ("C3", next(others), "none")
             middle = [median(each.seconds) for each in own]
             around = [
                 [at - min(each.seconds) for at, each in zip(middle, own, strict=True)],

@@ -16,8 +16,6 @@ from granular_lmp.plot.signals import PAGE, Picture, dispersion_figure
 from tests.legible import WIDEST, faults
 
 FIGURES = sorted((Path(__file__).parents[2] / "figures").rglob("*.png"))
-# Their runs take more than ten minutes, or time on an idle machine: they are drawn anew before a release
-EARLIER = {"bench"}
 
 
 def drawn(figure: Figure, path: Path) -> list[str]:
@@ -74,7 +72,7 @@ def test_a_case_is_read_on_a_page(tmp_path: Path) -> None:
     assert found == []
 
 
-@pytest.mark.parametrize("path", [path for path in FIGURES if path.stem not in EARLIER], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", FIGURES, ids=lambda path: path.stem)
 def test_a_committed_picture_is_as_wide_as_a_page(path: Path) -> None:
     """So its letters, of at least 8 points in the style of both programs, are as large on the page."""
     with Image.open(path) as picture:
