@@ -14,9 +14,11 @@ from granular_lmp.runs.snapshots import Snapshots, Spheres
 
 DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colour map: the front in a sheet decays over four decades
 _MOST_IN_COLOUR = 0.99  # share of the spheres at a moment: the colours of a pushed sphere would hide the front it sends
+_SEEN = 0.99  # share of the largest value below which the colour bar shows that values lie beyond its ends
 _DARK = 0.6  # place on the colour map above which colours are too dark for a grey line
 
 Floats = NDArray[np.float64]
+Scale = Literal["symmetric", "positive", "decades"]
 
 
 @dataclass(frozen=True)
@@ -68,23 +70,32 @@ class Colouring:
     value: Callable[[Spheres, Scene, Side], Floats]
     label: str
     colours: str = "RdBu_r"
-    scale: Literal["symmetric", "positive", "decades"] = "symmetric"
-
-    def end(self, sizes: Floats) -> float:
-        """Return the size at the end of the colour map: the largest for decades, else one that 1 % exceed."""
-        if self.scale == "decades":
-            return float(sizes.max())
-        return float(np.quantile(sizes, _MOST_IN_COLOUR, method="higher"))  # the largest of up to 100 spheres
-
-    def norm(self, largest: float) -> Normalize:
-        """Return the norm that maps values to the colour map, with `largest` at the end of the map."""
-        if self.scale == "decades":
-            return LogNorm(LIGHTEST * largest, DARKEST * largest, clip=True)
-        return Normalize(-largest if self.scale == "symmetric" else 0.0, largest)
+    scale: Scale = "symmetric"
 
     def dark(self, shade: Floats) -> NDArray[np.bool_]:
         """Return which places on the colour map, 0 to 1, are too dark for a grey line."""
         return np.asarray((np.abs(2 * shade - 1) if self.scale == "symmetric" else shade) > _DARK)
+
+
+def end_of(sizes: Floats, scale: Scale) -> float:
+    """Return the size at the end of the colour map: the largest for decades, else one that 1 % exceed."""
+    if scale == "decades":
+        return float(sizes.max(initial=0.0))
+    return float(np.quantile(sizes, _MOST_IN_COLOUR, method="higher"))  # the largest of up to 100 spheres
+
+
+def norm_of(end: float, scale: Scale) -> Normalize:
+    """Return the norm that maps values to the colour map, with `end` at the end of the map."""
+    if scale == "decades":
+        return LogNorm(LIGHTEST * end, DARKEST * end, clip=True)
+    return Normalize(-end if scale == "symmetric" else 0.0, end)
+
+
+def beyond(end: float, largest: float, scale: Scale) -> Literal["neither", "both", "max"]:
+    """Return which ends of the colour bar point on, because values lie clearly beyond them."""
+    if not 0 < end < _SEEN * largest:
+        return "neither"
+    return "both" if scale == "symmetric" else "max"
 
 
 def _speed(spheres: Spheres, scene: Scene, side: Side) -> Floats:

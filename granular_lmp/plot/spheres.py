@@ -11,14 +11,13 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from granular_lmp.crystal.lattices import Shape, lattice_constant
 from granular_lmp.errors import ViewError
-from granular_lmp.plot.colours import Colouring, Floats, Side, label_of
+from granular_lmp.plot.colours import Colouring, Floats, Side, beyond, end_of, label_of, norm_of
 from granular_lmp.plot.marks import Marks
 from granular_lmp.plot.signals import in_si
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 
 ROWS = 25  # rows drawn by default for a wave: three wavelengths of the paper's first case
-_SEEN = 0.99  # share of the largest value below which the colour bar shows that values lie beyond its ends
 LARGEST_SHIFT = 0.5  # radii; largest D0 as drawn with the default magnification
 FEWEST_DRAWN = 8  # least number of columns, including the copies of a narrow cell
 MOST_WITH_EDGES = 1500  # spheres; with more, edges and diameters would hide the colours
@@ -73,9 +72,10 @@ class SpheresInAxes:
         end = largest = reach = 0.0
         for moment in moments:
             values = np.abs(self._values(moment))
-            end, largest = max(end, colouring.end(values)), max(largest, float(values.max()))
+            end, largest = max(end, end_of(values, colouring.scale)), max(largest, float(values.max()))
             reach = max(reach, self.stretch * float(np.max(np.abs(moment.displacement[self.drawn]))))
-        self.discs.set_norm(colouring.norm(end or largest or 1.0))  # the range must not be empty if all are at rest
+        # The range must not be empty if all spheres are at rest
+        self.discs.set_norm(norm_of(end or largest or 1.0, colouring.scale))
         axes.add_collection(self.discs, autolim=False)
         self.hands = LineCollection([], linewidths=0.6)
         axes.add_collection(self.hands, autolim=False)
@@ -100,9 +100,8 @@ class SpheresInAxes:
         self.narrow = bool(high[0] - low[0] < _NARROW * (high[1] - low[1]))
         figure = axes.get_figure()
         assert figure is not None
-        beyond = ("both" if colouring.scale == "symmetric" else "max") if 0 < end < _SEEN * largest else "neither"
-        label = label_of(colouring, scene)
-        figure.colorbar(self.discs, ax=axes, label=label, fraction=0.05, pad=0.02, extend=beyond)
+        label, extend = label_of(colouring, scene), beyond(end, largest, colouring.scale)
+        figure.colorbar(self.discs, ax=axes, label=label, fraction=0.05, pad=0.02, extend=extend)
 
     def _values(self, moment: Spheres) -> Floats:
         return np.tile(self.colouring.value(moment, self.scene, self.side)[self.drawn], self.copies)

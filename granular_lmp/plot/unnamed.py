@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.collections import EllipseCollection
-from matplotlib.colors import LogNorm, Normalize
 from numpy.typing import NDArray
 
 from granular_lmp.errors import ViewError
-from granular_lmp.plot.colours import DARKEST, LIGHTEST, SIDES, Side
+from granular_lmp.plot.colours import SIDES, Scale, Side, beyond, end_of, norm_of
 from granular_lmp.plot.monitors import MOST_LINES, draw_lines
 from granular_lmp.plot.motion import speeds_figure
 from granular_lmp.plot.movie import FRAMES_PER_SECOND, MOVIES, refuse_movie, write_movie
@@ -146,8 +145,12 @@ class _Spheres:
         self.crystal, self.magnify, self.side = crystal, magnify, side
         self.value, label, unit = _QUANTITIES[colour]
         self.colours = "magma_r" if colour == "speed" else "YlOrRd" if colour == "displacement" else "RdBu_r"
-        largest = max(float(np.abs(self.value(crystal[k], crystal.rest)).max(initial=0.0)) for k in numbers) or 1.0
-        norm = Normalize(0.0 if colour == "displacement" else -largest, largest)
+        scales: dict[str, Scale] = {"speed": "decades", "displacement": "positive"}
+        scale = scales.get(colour, "symmetric")
+        end = largest = 0.0
+        for number in numbers:
+            sizes = np.abs(self.value(crystal[number], crystal.rest))
+            end, largest = max(end, end_of(sizes, scale)), max(largest, float(sizes.max()))
         places, radius = side.flat(crystal.rest), crystal.radius
         low, high = (places - radius[:, None]).min(axis=0), (places + radius[:, None]).max(axis=0)
         shape = float(np.clip((high - low)[1] / (high - low)[0], 0.2, 1.5))
@@ -156,7 +159,7 @@ class _Spheres:
         self.discs = EllipseCollection(
             2 * radius, 2 * radius, 0 * radius, units="xy", offsets=places, offset_transform=axes.transData,
             cmap=self.colours, edgecolors="0.3", linewidths=0.4,
-            norm=LogNorm(LIGHTEST * largest, DARKEST * largest, clip=True) if colour == "speed" else norm,
+            norm=norm_of(end or largest or 1.0, scale),
         )  # fmt: skip
         axes.add_collection(self.discs, autolim=False)
         names = ["xyz"[axis] + (" (m)" if crystal.in_si else " (lj)") for axis in side.page]
@@ -165,7 +168,8 @@ class _Spheres:
             axes.set_yticks([])
         self.axes = axes
         said = f"{label} ({unit if crystal.in_si else 'lj'})"
-        self.figure.colorbar(self.discs, ax=axes, label=said, fraction=0.05, pad=0.02)
+        extend = beyond(end, largest, scale)
+        self.figure.colorbar(self.discs, ax=axes, label=said, fraction=0.05, pad=0.02, extend=extend)
 
     def show(self, number: int) -> None:
         """Draw a snapshot; displacements are drawn only if a factor is given."""

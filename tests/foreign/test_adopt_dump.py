@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from granular_lmp.foreign.adopt_dump import adopt_dump
 from granular_lmp.foreign.conversion import Known
 from granular_lmp.lammps.custom_dump import frames
 from granular_lmp.lammps.outputs import UNNAMED
+from granular_lmp.plot import unnamed
 from granular_lmp.plot.view import view
 from granular_lmp.runs.export import export
 from granular_lmp.runs.front import front
@@ -384,6 +386,23 @@ def test_pictures_and_movies_of_an_unnamed_crystal(best: Unnamed, folder: Path, 
         view(best.folder, tmp_path / "a.png", rows=3)
     with pytest.raises(ViewError, match="must be one of speed"):
         view(best.folder, tmp_path / "a.png", colour="p")
+
+
+def test_one_fast_sphere_does_not_pale_the_others_in_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = ""
+    for step in (0, 10):
+        text += PLAIN.format(step, 200, "id x y z vx vy vz")
+        for each in range(200):
+            x = 0.005 * each + (0.002 if each else 0.4) * step / 1000
+            text += f"{each + 1} {x:.9f} {0.5 + 0.1 * (each % 2)} 0 0 0 0\n"
+    (tmp_path / "dump").write_text(text)
+    adopt_dump([tmp_path / "dump"], tmp_path / "run", Known("si", 2e-7, [0.002], [7780.0]))
+    drawn: list[Any] = []
+    monkeypatch.setattr(unnamed, "save", lambda figure, path, size: drawn.append(figure.axes[0].collections[0]))
+    for colour, low in (("x", -2e-5), ("displacement", 0.0)):
+        view(tmp_path / "run", tmp_path / "a.png", colour=colour)
+        np.testing.assert_allclose(drawn[-1].get_clim(), [low, 2e-5], atol=1e-8)
+        assert drawn[-1].colorbar.extend == ("both" if low else "max")
 
 
 def test_harmonics_of_a_wave_in_an_unnamed_crystal(tmp_path: Path) -> None:

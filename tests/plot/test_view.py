@@ -22,7 +22,7 @@ from granular_lmp.cli import main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.plot import crystal, movie, spheres, view
 from granular_lmp.plot.at_rest import at_rest_figure
-from granular_lmp.plot.colours import COLOURINGS, Colouring
+from granular_lmp.plot.colours import COLOURINGS, end_of
 from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.page import page as page_of
 from granular_lmp.plot.signals import Picture, save, signals_to_draw
@@ -119,9 +119,9 @@ def test_rotation_is_coloured_with_zero_in_the_middle_and_energy_from_zero(seen:
 
 def test_one_pushed_sphere_does_not_pale_the_others() -> None:
     one_pushed = np.append(np.full(200, 0.1), 5.0)
-    assert COLOURINGS["q"].end(one_pushed) == COLOURINGS["energy"].end(one_pushed) == 0.1
-    assert COLOURINGS["speed"].end(one_pushed) == 5.0  # decades show both
-    assert COLOURINGS["q"].end(one_pushed[-100:]) == 5.0
+    assert end_of(one_pushed, COLOURINGS["q"].scale) == end_of(one_pushed, COLOURINGS["energy"].scale) == 0.1
+    assert end_of(one_pushed, COLOURINGS["speed"].scale) == 5.0  # decades show both
+    assert end_of(one_pushed[-100:], COLOURINGS["q"].scale) == 5.0
 
 
 def test_the_colour_bar_points_where_spheres_are_beyond_its_ends(seen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -129,7 +129,7 @@ def test_the_colour_bar_points_where_spheres_are_beyond_its_ends(seen: Path, mon
         return str(drawn(seen, colour=colour)[1].colorbar.extend)
 
     assert bar("q") == bar("energy") == "neither"
-    monkeypatch.setattr(Colouring, "end", lambda self, sizes: float(sizes.max()) / 2)
+    monkeypatch.setattr(spheres, "end_of", lambda sizes, _: float(sizes.max()) / 2)
     assert (bar("q"), bar("energy")) == ("both", "max")
 
 
