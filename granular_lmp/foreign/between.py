@@ -15,25 +15,34 @@ HARMLESS_FIXES = (
     "dt/reset",
 )
 # Commands that leave the motion of the spheres as it is
-_HARMLESS = (
+_NEUTRAL = (
     *("compute", "compute_modify", "uncompute", "thermo", "thermo_modify", "thermo_style", "variable", "region"),
     *("dump", "dump_modify", "undump", "print", "log", "echo", "info", "restart", "timer", "balance", "lattice"),
-    *("write_coeff", "write_data", "write_dump", "write_restart", "group2ndx", "package", "suffix", "processors"),
+    *("write_coeff", "write_data", "write_dump", "write_restart", "package", "suffix", "processors"),
     *("label", "jump", "next", "if", "include", "min_modify", "min_style", "neighbor", "comm_modify", "comm_style"),
-    *("molecule", "labelmap"),
 )
 # Commands whose effect is fully in the spheres, box, laws and fixes that were read, or in the order of commands
 UNDERSTOOD = (
-    *("atom_modify", "atom_style", "boundary", "change_box", "comm_modify", "comm_style", "compute", "create_atoms"),
-    *("create_box", "delete_atoms", "dimension", "displace_atoms", "fix", "group", "lattice", "mass", "neigh_modify"),
-    *("neighbor", "newton", "package", "pair_coeff", "pair_style", "processors", "read_data", "region", "replicate"),
-    *("reset_atoms", "reset_timestep", "run", "set", "suffix", "timestep", "uncompute", "unfix", "units", "variable"),
-    *("velocity", "clear", "include", "jump", "label", "next", "if", "quit", "print", "log", "echo", "info", "restart"),
-    *("timer", "dump", "dump_modify", "undump", "thermo", "thermo_style", "thermo_modify", "balance", "compute_modify"),
-    *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
+    *_NEUTRAL,
+    *("atom_modify", "atom_style", "boundary", "change_box", "create_atoms", "create_box", "delete_atoms", "dimension"),
+    *(
+        "displace_atoms",
+        "fix",
+        "unfix",
+        "group",
+        "mass",
+        "minimize",
+        "neigh_modify",
+        "newton",
+        "pair_coeff",
+        "pair_style",
+    ),
+    *("read_data", "replicate", "reset_atoms", "reset_timestep", "run", "set", "timestep", "units", "velocity"),
+    *("clear", "quit"),
 )
+_NAMES = ("molecule", "labelmap", "group2ndx")  # they define or write names, and leave the motion as it is
 # Commands that set a state which the first snapshot of the dump holds
-_OF_STATE = ("read_restart", "read_dump", "rerun", "molecule", "labelmap", "group2ndx", "box", "fix_modify")
+_OF_STATE = ("read_restart", "read_dump", "rerun", "box", "fix_modify")
 MOVING = ("minimize", "rerun", "displace_atoms", "read_dump", "change_box")  # they move spheres while no time passes
 _BY_STATE = ("region", "variable")  # styles of group that choose spheres by their places or other values
 
@@ -99,7 +108,7 @@ def _changes(commands: Sequence[Command], number: int) -> bool:
         return any(each.name == "group" and each.words[1] == command.words[1] for each in commands[:number])
     if command.name == "neigh_modify":
         return "exclude" in command.words
-    return command.name not in _HARMLESS
+    return command.name not in (*_NEUTRAL, *_NAMES)
 
 
 def _unsure_groups(reading: Reading, recorded: Recorded) -> dict[str, Command]:
@@ -133,7 +142,7 @@ def unread_commands(reading: Reading, recorded: Recorded, held: NDArray[np.bool_
         excludes = command in recorded.members and command.name == "neigh_modify"
         if command.name == "run_style" and command.words[1] == "verlet":
             continue
-        if command.name not in (*UNDERSTOOD, *_OF_STATE) or (
+        if command.name not in (*UNDERSTOOD, *_NAMES, *_OF_STATE) or (
             excludes and "none" not in command.words and not np.isin(recorded.members[command], resting).all()
         ):
             yield str(command)
