@@ -189,7 +189,7 @@ def _merged(heads: Sequence[Frame]) -> Frame:
     ids = first.columns["id"]
     for head in heads[1:]:
         ids = np.intersect1d(ids, head.columns["id"])
-    finest = sorted(heads, key=lambda head: head.resolution)  # of several dumps, the one with the most digits counts
+    finest = sorted(heads, key=lambda head: head.resolution)  # the dump with the most digits comes first
     columns = {
         name: values[np.isin(head.columns["id"], ids)]
         for head in reversed(finest)

@@ -17,7 +17,7 @@ from typing import Any
 from granular_lmp.errors import DeckError
 from granular_lmp.foreign.reading import Reading, read
 
-SECONDS, MEMORY = 300, 16 * 2**30  # of processor time, and bytes: a million spheres take 20 s and 4 GB
+SECONDS, MEMORY = 300, 16 * 2**30  # processor time, and bytes: a million spheres take 20 s and 4 GB
 PATIENCE = 4  # the wall time may be this many times the processor time
 AT = ".at"  # ending of the file that holds the command LAMMPS is executing
 

@@ -35,9 +35,9 @@ Tables = dict[str, Any]
 Effects = Callable[..., Tables]
 
 _STRIKERS = 8  # more different velocities than these are a state
-_SAME = 1e-9  # of the speed of the fastest sphere; velocities that differ by less are equal
-_STILL = 1e-6  # of the overlap; smaller displacements are rounding of places
-_FITS = 1e-3  # of the motion; if a plane wave leaves more of it, the motion is no plane wave
+_SAME = 1e-9  # times the speed of the fastest sphere; velocities that differ by less are equal
+_STILL = 1e-6  # times the overlap; smaller displacements are rounding of places
+_FITS = 1e-3  # share of the motion; if a plane wave leaves more of it, the motion is no plane wave
 _FINE = 16  # a crystal that ends is searched at this many wave numbers in 2π over its length
 _ROUNDS, _STEP = 8, 1e-6  # iterations of the search for a wave number, and step of its derivative in rad per row
 _ANY_WAVE = {"mode": "L", "wavenumber": 0.5, "amplitude": 0.1}

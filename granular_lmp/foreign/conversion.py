@@ -24,11 +24,11 @@ Floats = NDArray[np.float64]
 # Columns of the folder's dump behind the places, and their dimension in mass, length and time
 _VECTORS = {"v": (0, 1, -1), "omega": (0, 0, -1), "f": (1, 1, -2)}
 _PLACE = ("xu", "yu", "zu")
-_COARSE = 1e-3  # of the largest displacement: with fewer than three digits a second harmonic is noise
-_FAR = 0.25  # of a period; at 0.5 two opposite displacements lead to the same image
+_COARSE = 1e-3  # share of the largest displacement: with fewer than three digits a second harmonic is noise
+_FAR = 0.25  # share of a period; at 0.5 two opposite displacements lead to the same image
 _DIGITS = 3e-5  # relative difference of two densities that have the same masses and radii, printed by %g
 _PRINTED = 5.1e-6  # relative difference of a number and its six digits
-_STILL = 1e-12  # of the box: displacements below are rounding
+_STILL = 1e-12  # times the box: displacements below are rounding
 _NAMED = 5  # a sentence names at most this many spheres
 
 

@@ -18,8 +18,8 @@ from granular_lmp.foreign.vibrations import contacts_of, effective_radius
 _BALANCE = 0.01  # a sphere is not at rest if the net force on it exceeds this share of the pull-off force
 _SAME = 0.01  # relative difference of two moduli that is accepted
 _FREEZING = 1e3  # coefficient of friction
-_SPEED = 1e-12  # of the largest speed; slower spheres rest
-_TOUCHING = 1e-6  # of the radius; spheres with a wider gap fly
+_SPEED = 1e-12  # times the largest speed; slower spheres rest
+_TOUCHING = 1e-6  # times the radius; spheres with a wider gap fly
 _DEEP = 0.1  # overlap over the radius
 
 
@@ -152,7 +152,7 @@ def _wall(reading: Reading) -> Iterator[Finding]:
         if wall is None or of_spheres is None or not wall.young or not of_spheres.young:
             continue
         taken, own = wall.effective()[0], 2 * of_spheres.effective()[0]  # E* of LAMMPS; E* of a sphere on a rigid body
-        material = 2 * taken  # of the wall alone, E/(1 − ν²)
+        material = 2 * taken  # E/(1 − ν²) of the wall alone
         right = material * own / (material + own)
         if abs(taken / right - 1) > _SAME and abs(taken / own - 1) > _SAME:
             yield Finding(

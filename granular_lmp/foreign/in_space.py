@@ -10,7 +10,7 @@ from granular_lmp.foreign.interpreter import Command
 from granular_lmp.foreign.reading import Reading
 from granular_lmp.foreign.vibrations import contacts_of, turning
 
-_FLAT = 1e-9  # of the radius; places of spheres in one plane differ by less
+_FLAT = 1e-9  # times the radius; places of spheres in one plane differ by less
 _TURNS = 1e-3  # torque over the largest possible one; above this, no symmetry forbids rotation
 _SHEET = 4  # a sheet has at least this many spheres
 

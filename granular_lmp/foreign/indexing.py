@@ -22,10 +22,10 @@ from granular_lmp.frozen import dataclass
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_NEAR = 0.25  # of the distance of neighbours; a sphere belongs to a place if it is nearer than this
+_NEAR = 0.25  # times the distance of neighbours; a sphere belongs to a place if it is nearer than this
 _FIRST = 1.6  # the spheres within this many distances of neighbours of the first one are numbered first
-_MOST_EMPTY = 0.2  # of the places; with more vacancies the lattice is another one
-_FLAT = 0.5  # of the distance of neighbours; rows and layers are farther apart than this
+_MOST_EMPTY = 0.2  # share of the places; with more vacancies the lattice is another one
+_FLAT = 0.5  # times the distance of neighbours; rows and layers are farther apart than this
 _ORDER, _NAMES = [1, 0, 2], ("rows", "columns", "layers")  # by the axes y, x and z
 _FITS = 1e-3  # relative deviation from a whole number of rows in the box
 

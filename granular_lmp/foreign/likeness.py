@@ -30,13 +30,13 @@ from granular_lmp.units import STYLES, AnyUnits
 Floats = NDArray[np.float64]
 
 # A scene with larger differences describes another crystal
-_PLACE = 0.01  # of the static compression; for an impact, of the unit of overlaps
+_PLACE = 0.01  # times the static compression; for an impact, times the unit of overlaps
 _STIFFNESS = 0.01
-_MOTION = 1e-6  # of the largest speed, of radii, of masses and of the time step
-_FORCE = 0.01  # of the largest force on a sphere that moves
-_FAINT = 1e-4  # of the unit of forces; if the largest force is smaller, it is rounding
-_TOUCHING = 1e-8  # of the radius; contacts with smaller overlaps just touch, and rounding parts them
-_SHALLOW = 1e-4  # of the radius; overlap at which laws are compared
+_MOTION = 1e-6  # relative to the largest speed, to radii, masses and the time step
+_FORCE = 0.01  # times the largest force on a sphere that moves
+_FAINT = 1e-4  # times the unit of forces; if the largest force is smaller, it is rounding
+_TOUCHING = 1e-8  # times the radius; contacts with smaller overlaps just touch, and rounding parts them
+_SHALLOW = 1e-4  # times the radius; overlap at which laws are compared
 _OF_WALL = ("normal", "young", "poisson", "gamma", "friction", "damping_law")
 _OF_SLIDING = ("tangential", "shear_stiffness", "shear_damping")  # where there is friction
 _ZERO = np.finfo(float).tiny

@@ -27,7 +27,7 @@ _SPACINGS = dict.fromkeys(("none", "sq", "sq2", "sc", "bcc", "fcc", "diamond"), 
     "hcp": (1.0, 3**0.5, (8 / 3) ** 0.5),
 }
 _INTEGRATORS = ("nve", "nve/sphere", "nve/noforce", "move")
-_FLAT = 1e-9  # of the radius; places of spheres in one plane differ by less
+_FLAT = 1e-9  # times the radius; places of spheres in one plane differ by less
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ class _Found:
 
     @property
     def sheared(self) -> bool:
-        """Whether contacts may turn spheres; in a line that moves along itself they do not."""
+        """Return whether contacts may turn spheres; in a line that moves along itself they do not."""
         laws, flat = [*self.recorded.laws.values(), *(wall.law for wall in self.walls)], self._flat
         pushed = self.walls or self.pushes[:, flat].any() or self.spheres.spin.any()
         return any(law.friction for law in laws) and bool(flat.sum() < 2 or pushed)

@@ -34,12 +34,12 @@ from granular_lmp.units import STYLES, Units
 Floats = NDArray[np.float64]
 
 _SHEARED = {"mindlin": "secant", "mindlin/force": "incremental", "mindlin_rescale": "rescaled"}
-_TOUCHING = 1e-9  # of a radius; smaller overlaps and gaps are rounding of places
-_UNLOADED = 1e-6  # of the pull-off force; a smaller load is rounding of places
+_TOUCHING = 1e-9  # times the radius; smaller overlaps and gaps are rounding of places
+_UNLOADED = 1e-6  # times the pull-off force; a smaller load is rounding of places
 _LEAST_STRAIN = 1e-7
-_STRAIN = 0.05  # of the static compression; a larger strain of the whole crystal makes its contacts unequal
+_STRAIN = 0.05  # times the static compression; a larger strain of the whole crystal makes its contacts unequal
 _ALIKE = 1e-9  # relative difference of equal radii, densities and constants
-_EVEN = 1e-6  # of the time between records; smaller differences are rounding by %g
+_EVEN = 1e-6  # times the time between records; smaller differences are rounding by %g
 _MOST_WAYS = 4  # this many ways to number a crystal in its lattice are tried as scenes
 
 

@@ -26,7 +26,7 @@ from granular_lmp.units import STYLES
 
 Floats = NDArray[np.float64]
 _ZERO = np.finfo(float).tiny
-_TOUCHING = 1e-10  # of the radius; spheres with a smaller overlap just touch, apart from rounding
+_TOUCHING = 1e-10  # times the radius; spheres with a smaller overlap just touch, apart from rounding
 
 
 @dataclass(frozen=True, eq=False)

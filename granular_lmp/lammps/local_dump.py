@@ -27,7 +27,7 @@ WORDS: dict[str, tuple[int, int, int]] = {
     **dict.fromkeys(("force", "fx", "fy", "fz", "p1", "p2", "p3", "p4"), (1, 1, -2)),
 }
 ENDS = ("patom1", "patom2")
-OTHER = "-"  # of a column that is not read
+OTHER = "-"  # kind of a column that is not read
 _ONE_LINE = ("UNITS", "TIME", "TIMESTEP", "NUMBER OF")
 _BOX = 3  # lines
 _HEAD = 4096  # bytes, and

@@ -23,11 +23,11 @@ from granular_lmp.scene.schema import cut
 SCENE = "scene.toml"
 DUMP = "dump.centre"
 SNAPSHOTS = "dump.particles"
-UNNAMED = "dump.unnamed.bin"  # of a run without a scene, in place of all other dumps; binary, in SI units
-UNNAMED_CONTACTS = "contacts.unnamed.bin"  # of its contacts, if there were local dumps
+UNNAMED = "dump.unnamed.bin"  # dump of a run without a scene, in place of all other dumps; binary, in SI units
+UNNAMED_CONTACTS = "contacts.unnamed.bin"  # contacts of such a run, if there were local dumps
 PER_SAMPLE = "_per_sample"  # suffix of the folders with the runs to a tolerance
 CONTACTS = f"{DUMP}.contacts"  # single contacts, at looks where a guard needs them
-UNWAVED_CONTACTS = f"{SNAPSHOTS}.contacts"  # of a run without a wave
+UNWAVED_CONTACTS = f"{SNAPSHOTS}.contacts"  # contacts of a run without a wave
 MONITOR = "monitor.{}.bin"  # motion of the spheres of a monitor, binary
 MONITOR_CONTACTS = "monitor.{}.contacts"  # forces of their contacts, as text: the only form in LAMMPS
 LOG = "log.lammps"

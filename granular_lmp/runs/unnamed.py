@@ -32,7 +32,7 @@ __all__ = ["Unnamed"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-ENTRY = "unnamed"  # of run.json
+ENTRY = "unnamed"  # its entry in run.json
 # Names of contact forces by LAMMPS's words for them
 _FORCES = {"force": "normal", "p4": "shear", "fx": "normal_x", "fy": "normal_y", "fz": "normal_z"}
 _FORCES |= {"p1": "shear_x", "p2": "shear_y", "p3": "shear_z"}
